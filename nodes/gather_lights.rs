@@ -1,0 +1,132 @@
+//! Shading of the gather samples, which makes them virtual lights (Hašan et al. 2008, section 5).
+
+use crate::data::{GatherSamples, Geometry, LightKind, Lights, Materials, Photons, Poses};
+use crate::kernel::density::Density;
+use crate::kernel::element::{Light, Receiver};
+use crate::kernel::light_list::LightList;
+use crate::kernel::light_tensor::{LightTensor, RayTensor};
+use crate::kernel::stage::{Stage, Surface};
+use crate::node::{Ctx, Error, Item, Node};
+use glam::{DVec3, Vec2, Vec3};
+use rayon::prelude::*;
+use std::f32::consts::PI;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+crate::params! {
+    /// Lights the gather samples, directly and by photon density estimation, and turns each into a light
+    /// of cosine emission.
+    pub struct GatherLights {
+        /// Photons that an estimate is made of.
+        nearest: u32 = 50, 1..=10_000;
+        /// Distance within which they are looked for, in scene diagonals.
+        radius: f32 = 0.05, 0.0001..=1.0;
+        /// Distance below which the 1/r^2 of these lights is held constant, in scene diagonals: it takes
+        /// the spikes where a light is close to what it lights, and some energy.
+        clamp: f32 = 0.02, 0.0..=10.0;
+    }
+}
+
+crate::inputs! {
+    /// Inputs of [`GatherLights`].
+    pub struct GatherLightsIn {
+        /// The samples.
+        samples: Item<GatherSamples>,
+        /// Shapes.
+        geometry: Item<Geometry>,
+        /// Their materials.
+        materials: Item<Materials>,
+        /// Where they are.
+        poses: Item<Poses>,
+        /// Lights whose direct light is computed here.
+        direct: Option<Item<Lights>>,
+        /// Photons that bring the rest.
+        photons: Option<Item<Photons>>,
+    }
+}
+
+/// Samples shaded as one piece of work.
+const BATCH: usize = 256;
+
+impl Node for GatherLights {
+    const KIND: &'static str = "GatherLights";
+    const VERSION: u32 = 1;
+    type In = GatherLightsIn;
+    type Out = Lights;
+
+    fn run(&self, input: GatherLightsIn, ctx: &Ctx) -> Result<Lights, Error> {
+        let stage = Stage::of(ctx, &input.geometry, &input.materials, &input.poses)?;
+        let samples = &input.samples;
+        if samples.triangle.iter().any(|t| *t >= stage.triangles()) {
+            return Err(Error::invalid("the gather samples are of another geometry"));
+        }
+        let tensor = input.direct.as_ref().map(|lights| RayTensor::new(&stage, lights));
+        let diagonal = input.geometry.diagonal;
+        let density = match &input.photons {
+            Some(photons) => Some(Density::new(photons, self.nearest, self.radius * diagonal)?),
+            None => None,
+        };
+        let shader = Shader { stage: &stage, tensor, density, clamp: self.clamp * diagonal };
+        let indices: Vec<usize> = (0..samples.triangle.len()).collect();
+        let (done, total) = (AtomicU64::new(0), indices.len().div_ceil(BATCH) as u64);
+        let lights: Vec<Vec<Light>> = indices
+            .par_chunks(BATCH)
+            .map(|batch| {
+                ctx.tick(done.fetch_add(1, Ordering::Relaxed), total)?;
+                Ok(shader.shade(batch, samples))
+            })
+            .collect::<Result<_, Error>>()?;
+        let mut list = LightList::new();
+        lights.iter().flatten().for_each(|light| list.push(light));
+        Ok(list.finish(true))
+    }
+}
+
+struct Shader<'a> {
+    stage: &'a Stage,
+    tensor: Option<RayTensor<'a>>,
+    density: Option<Density<'a>>,
+    clamp: f32,
+}
+
+impl Shader<'_> {
+    fn shade(&self, batch: &[usize], samples: &GatherSamples) -> Vec<Light> {
+        let mut row = vec![Vec3::ZERO; self.tensor.as_ref().map_or(0, RayTensor::lights)];
+        let light = |&i: &usize| {
+            let triangle = samples.triangle[i];
+            let at = samples.barycentric[i];
+            let surface = self.stage.surface(triangle, at.x, at.y);
+            let outward = if samples.front[i] != 0 { surface.facet } else { -surface.facet };
+            let surface = surface.facing(outward);
+            let radiance = self.radiance(&surface, &mut row);
+            Light {
+                kind: LightKind::Cosine,
+                position: surface.position,
+                direction: surface.facet,
+                emission: radiance * (self.stage.area(triangle) * samples.share[i]),
+                cone: Vec2::ZERO,
+                clamp: self.clamp,
+            }
+        };
+        batch.iter().map(light).collect()
+    }
+
+    /// Radiance that the sample reflects, diffusely: a glossy lobe would need a direction.
+    fn radiance(&self, surface: &Surface, row: &mut [Vec3]) -> Vec3 {
+        // What metals and glosses reflect is spread over all directions, so that its energy is kept.
+        let reflectance = surface.reflectance;
+        let albedo = (reflectance.albedo + reflectance.specular).min(Vec3::ONE);
+        if albedo == Vec3::ZERO {
+            return Vec3::ZERO;
+        }
+        let receiver = Receiver::diffuse(surface.position, surface.normal, surface.facet, albedo);
+        let mut radiance = DVec3::ZERO;
+        if let Some(tensor) = &self.tensor {
+            tensor.row(&receiver, row);
+            radiance += row.iter().map(|r| r.as_dvec3()).sum::<DVec3>();
+        }
+        if let Some(density) = &self.density {
+            radiance += (density.irradiance(surface.position, surface.facet) * albedo / PI).as_dvec3();
+        }
+        radiance.as_vec3()
+    }
+}

@@ -1,0 +1,30 @@
+//! What computes: everything that two nodes need, and every algorithm that is a subject of its own.
+
+pub mod animation;
+pub mod brdf;
+pub mod checkpoint;
+pub mod clustering;
+pub mod density;
+pub mod element;
+pub mod gltf;
+pub mod history;
+pub mod latlong;
+pub mod light_list;
+pub mod light_tensor;
+pub mod meshes;
+pub mod neighbours;
+pub mod nine_vectors;
+pub mod photon_tracing;
+pub mod posing;
+pub mod primary;
+pub mod receivers;
+pub mod shapes;
+pub mod sky;
+pub mod stage;
+pub mod surface_sampling;
+pub mod texture;
+pub mod tone;
+pub mod visibility;
+
+#[cfg(test)]
+pub mod fixtures;

@@ -1,0 +1,102 @@
+//! Photon density estimation: the irradiance around a point from its nearest photons
+//! (Hašan et al. 2008, section 5).
+
+use crate::data::Photons;
+use crate::node::Error;
+use glam::Vec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use std::f32::consts::PI;
+use std::num::NonZeroUsize;
+
+/// Cosine between the normals of photon and sample from which on they lie on the same surface.
+const SAME_SIDE: f32 = 0.5;
+
+/// Photons in a kd-tree.
+pub struct Density<'a> {
+    photons: &'a Photons,
+    tree: Option<ImmutableKdTree<f32, 3>>,
+    nearest: NonZeroUsize,
+    radius: f32,
+}
+
+impl<'a> Density<'a> {
+    /// Estimates from the `nearest` photons within `radius` metres.
+    ///
+    /// # Errors
+    /// When a position is not finite.
+    pub fn new(photons: &'a Photons, nearest: u32, radius: f32) -> Result<Self, Error> {
+        let points: Vec<[f32; 3]> = photons.position.iter().map(Vec3::to_array).collect();
+        if points.as_flattened().iter().any(|x| !x.is_finite()) {
+            return Err(Error::invalid("a photon's position is not finite"));
+        }
+        let failed = |e| Error::invalid(format!("the photons cannot be put in a kd-tree: {e:?}"));
+        let tree = if points.is_empty() { None } else { Some(ImmutableKdTree::new_from_slice(&points).map_err(failed)?) };
+        let nearest = NonZeroUsize::new(nearest as usize).unwrap_or(NonZeroUsize::MIN);
+        Ok(Density { photons, tree, nearest, radius })
+    }
+
+    /// Irradiance, W/m^2, at a point with the given unit normal: the flux of the nearest photons on
+    /// that side over the area of the disc that holds them. Zero where there are none.
+    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
+        let Some(tree) = &self.tree else { return Vec3::ZERO };
+        let near = tree
+            .query(&position.to_array())
+            .nearest_n::<SquaredEuclidean<f32>>(self.nearest)
+            .within(self.radius * self.radius)
+            .execute();
+        let mut flux = Vec3::ZERO;
+        let mut farthest = 0.0_f32;
+        for photon in &near {
+            let i = photon.item as usize;
+            farthest = farthest.max(photon.distance);
+            if self.photons.normal[i].dot(normal) > SAME_SIDE && self.photons.direction[i].dot(normal) < 0.0 {
+                flux += self.photons.power[i];
+            }
+        }
+        // Fewer photons than asked for fill the whole radius; all of them on one spot fill nothing,
+        // and a spot of a thousandth of the radius is taken instead of none.
+        let squared = if near.len() < self.nearest.get() { self.radius * self.radius } else { farthest };
+        let least = self.radius * self.radius * 1e-6;
+        flux / (PI * squared.max(least).max(f32::MIN_POSITIVE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::surface_sampling::uniform;
+
+    fn plane(count: u32) -> Photons {
+        let place = |i| {
+            let [u, v, ..] = uniform(i, 0, 1);
+            Vec3::new(u - 0.5, 0.0, v - 0.5)
+        };
+        Photons {
+            position: (0..count).map(place).collect(),
+            direction: vec![Vec3::NEG_Y; count as usize].into(),
+            power: vec![Vec3::new(2.0, 1.0, 0.0) / count as f32; count as usize].into(),
+            normal: vec![Vec3::Y; count as usize].into(),
+        }
+    }
+
+    #[test]
+    fn uniform_flux_is_uniform_irradiance() {
+        let photons = plane(4096);
+        let found = Density::new(&photons, 100, 0.4).unwrap().irradiance(Vec3::ZERO, Vec3::Y);
+        assert!((found - Vec3::new(2.0, 1.0, 0.0)).abs().max_element() < 0.1, "{found}");
+        let below = Density::new(&photons, 100, 0.4).unwrap().irradiance(Vec3::ZERO, Vec3::NEG_Y);
+        assert_eq!(below, Vec3::ZERO);
+    }
+
+    #[test]
+    fn no_photons_too_few_or_all_on_one_spot() {
+        let none = plane(0);
+        assert_eq!(Density::new(&none, 10, 1.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y), Vec3::ZERO);
+        let few = plane(3);
+        let found = Density::new(&few, 1000, 2.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y);
+        assert!((found.x - 2.0 / (PI * 4.0)).abs() < 1e-4, "{found}");
+        let mut spot = plane(100);
+        spot.position = vec![Vec3::ZERO; 100].into();
+        assert!(Density::new(&spot, 10, 1.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y).is_finite());
+    }
+}

@@ -1,0 +1,190 @@
+//! The lighting tensor of one frame, element by element, row by row, column by column
+//! (Hašan et al. 2008, section 4.2), with visibility by rays.
+
+use super::element::{Light, Receiver, element, faces};
+use super::stage::Stage;
+use super::visibility::Ends;
+use crate::data::{LightKind, Lights};
+use glam::Vec3;
+
+/// Access to one frame of the lighting tensor. `row(i)[j]`, `column(j)[i]` and `element(i, j)` are
+/// the same number, apart from grazing shadow rays.
+pub trait LightTensor {
+    /// Radiance that light `j` adds to a receiver, visibility included.
+    fn element(&self, receiver: &Receiver, light: usize) -> Vec3;
+    /// That of every light, in the order of the list, into `row`.
+    fn row(&self, receiver: &Receiver, row: &mut [Vec3]);
+    /// That of light `j` on at most 64 receivers, into `column`.
+    fn column(&self, light: usize, receivers: &[Receiver], column: &mut [Vec3]);
+}
+
+/// The lighting tensor by rays on the CPU. Rows and columns trace packets that share their end point.
+pub struct RayTensor<'a> {
+    stage: &'a Stage,
+    lights: Vec<Light>,
+    /// Lights that emit, in an order in which neighbours are close.
+    order: Vec<u32>,
+    /// Distance at which a directional light is taken to stand, metres.
+    far: f32,
+}
+
+impl<'a> RayTensor<'a> {
+    /// The tensor of the frame posed on `stage`, lit by `lights`.
+    pub fn new(stage: &'a Stage, lights: &Lights) -> Self {
+        let lights: Vec<Light> = (0..lights.kind.len()).map(|j| Light::at(lights, j)).collect();
+        let geometry = stage.geometry();
+        let code = |light: &Light| match light.kind {
+            LightKind::Directional => (1, morton(light.direction * 0.5 + 0.5)),
+            _ => (0, morton((light.position - geometry.centre) / geometry.diagonal + 0.5)),
+        };
+        let mut order: Vec<u32> = (0..lights.len() as u32).collect();
+        order.retain(|&j| lights[j as usize].emission != Vec3::ZERO);
+        order.sort_by_cached_key(|&j| code(&lights[j as usize]));
+        let far = 4.0 * geometry.diagonal;
+        RayTensor { stage, lights, order, far }
+    }
+
+    /// Number of lights.
+    pub fn lights(&self) -> usize {
+        self.lights.len()
+    }
+
+    fn end(&self, start: Vec3, light: &Light) -> Vec3 {
+        light.end(self.stage.bias()).unwrap_or(start - light.direction * self.far)
+    }
+}
+
+impl LightTensor for RayTensor<'_> {
+    fn element(&self, receiver: &Receiver, light: usize) -> Vec3 {
+        let light = &self.lights[light];
+        if !faces(receiver, light) {
+            return Vec3::ZERO;
+        }
+        let start = receiver.lifted(self.stage.bias());
+        let blocked = match light.kind {
+            LightKind::Directional => self.stage.occluded_along(start, -light.direction),
+            _ => self.stage.occluded(start, self.end(start, light)),
+        };
+        if blocked { Vec3::ZERO } else { element(receiver, light) }
+    }
+
+    fn row(&self, receiver: &Receiver, row: &mut [Vec3]) {
+        row.fill(Vec3::ZERO);
+        let start = receiver.lifted(self.stage.bias());
+        let mut packet = Packet::new();
+        for &j in &self.order {
+            let light = &self.lights[j as usize];
+            if faces(receiver, light) {
+                packet.push(j, self.end(start, light));
+                if packet.is_full() {
+                    packet.visible(|ends, active| self.stage.occluded_from(start, ends, active), |j| {
+                        row[j as usize] = element(receiver, &self.lights[j as usize]);
+                    });
+                }
+            }
+        }
+        packet.visible(|ends, active| self.stage.occluded_from(start, ends, active), |j| {
+            row[j as usize] = element(receiver, &self.lights[j as usize]);
+        });
+    }
+
+    fn column(&self, light: usize, receivers: &[Receiver], column: &mut [Vec3]) {
+        column.fill(Vec3::ZERO);
+        let light = &self.lights[light];
+        let mut packet = Packet::new();
+        for (i, receiver) in receivers.iter().enumerate().take(Ends::CAPACITY) {
+            if faces(receiver, light) {
+                packet.push(i as u32, receiver.lifted(self.stage.bias()));
+            }
+        }
+        packet.visible(
+            |ends, active| match light.end(self.stage.bias()) {
+                Some(origin) => self.stage.occluded_from(origin, ends, active),
+                None => self.stage.occluded_parallel(-light.direction, ends, active),
+            },
+            |i| column[i as usize] = element(&receivers[i as usize], light),
+        );
+    }
+}
+
+/// Up to 64 end points that wait for one visibility query, each with the index it belongs to.
+struct Packet {
+    ends: Ends,
+    index: [u32; Ends::CAPACITY],
+    len: usize,
+}
+
+impl Packet {
+    fn new() -> Self {
+        Packet { ends: Ends::new(), index: [0; Ends::CAPACITY], len: 0 }
+    }
+
+    fn is_full(&self) -> bool {
+        self.len == Ends::CAPACITY
+    }
+
+    fn push(&mut self, index: u32, end: Vec3) {
+        self.ends.set(self.len, end);
+        self.index[self.len] = index;
+        self.len += 1;
+    }
+
+    /// Asks which are blocked, calls `shade` with the index of each that is not, and is empty again.
+    fn visible(&mut self, blocked: impl FnOnce(&Ends, u64) -> u64, mut shade: impl FnMut(u32)) {
+        if self.len == 0 {
+            return;
+        }
+        let active = u64::MAX >> (Ends::CAPACITY - self.len);
+        let blocked = blocked(&self.ends, active);
+        (0..self.len).filter(|k| blocked >> k & 1 == 0).for_each(|k| shade(self.index[k]));
+        self.len = 0;
+    }
+}
+
+/// Interleaved bits of a point in the unit cube: close points have close codes.
+fn morton(point: Vec3) -> u32 {
+    let spread = |x: f32| {
+        let mut bits = (x.clamp(0.0, 1.0) * 1023.0) as u32;
+        bits = (bits | bits << 16) & 0x0300_00ff;
+        bits = (bits | bits << 8) & 0x0300_f00f;
+        bits = (bits | bits << 4) & 0x030c_30c3;
+        (bits | bits << 2) & 0x0924_9249
+    };
+    spread(point.x) | spread(point.y) << 1 | spread(point.z) << 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::fixtures::{cosine_lights, room_receivers, room_stage};
+
+    #[test]
+    fn row_column_and_element_agree() {
+        let stage = room_stage();
+        let lights = cosine_lights(300, 5);
+        let tensor = RayTensor::new(&stage, &lights);
+        let receivers = room_receivers(&stage, 64, 9);
+        let mut rows = vec![vec![Vec3::ZERO; tensor.lights()]; receivers.len()];
+        receivers.iter().zip(&mut rows).for_each(|(receiver, row)| tensor.row(receiver, row));
+        let mut column = vec![Vec3::ZERO; receivers.len()];
+        let (mut lit, mut dark) = (0, 0);
+        for j in 0..tensor.lights() {
+            tensor.column(j, &receivers, &mut column);
+            for (i, receiver) in receivers.iter().enumerate() {
+                let single = tensor.element(receiver, j);
+                assert_eq!(rows[i][j], column[i], "receiver {i}, light {j}");
+                assert_eq!(column[i], single, "receiver {i}, light {j}");
+                *(if single == Vec3::ZERO { &mut dark } else { &mut lit }) += 1;
+            }
+        }
+        assert!(lit > 1000 && dark > 1000, "the scene must have light and shadow: {lit} {dark}");
+    }
+
+    #[test]
+    fn codes_keep_neighbours_together() {
+        assert_eq!(morton(Vec3::ZERO), 0);
+        assert_eq!(morton(Vec3::ONE), (1 << 30) - 1);
+        assert!(morton(Vec3::splat(0.25)) < morton(Vec3::splat(0.75)));
+        assert_eq!(morton(Vec3::new(1.0 / 1023.0, 0.0, 0.0)), 1);
+    }
+}

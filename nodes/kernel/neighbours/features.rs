@@ -1,0 +1,294 @@
+//! The 9-vectors of an image's pixels.
+
+use rayon::prelude::*;
+
+/// The index of no pixel: what a map holds for a pixel that has no neighbour.
+pub const UNMAPPED: u32 = u32::MAX;
+
+/// A vector padded to three groups of four lanes; the last three are zero.
+pub(super) type Padded = [f32; 12];
+
+/// Images are at most this wide and high, so that squared distances in the image fit 32 bits.
+const LONGEST_SIDE: u32 = 1 << 15;
+
+/// Components beyond this are refused, so that a squared distance is always finite.
+const LARGEST: f32 = 1e18;
+
+/// Why features or maps could not be made.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NeighbourError {
+    /// A side of the image is longer than 32,768 pixels.
+    #[error(
+        "an image of {width} x {height} pixels is too large for a pixel map (at most 32768 a side)"
+    )]
+    TooLarge {
+        /// Pixels in a row.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// A slice does not have one element for each pixel.
+    #[error("{what} has {found} elements where the image has {expected} pixels")]
+    Length {
+        /// The slice.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The number of pixels.
+        expected: usize,
+    },
+    /// The scene diagonal is not a positive finite number.
+    #[error("the scene diagonal must be positive and finite, not {0}")]
+    Diagonal(f64),
+    /// The scene centre has a component that is not finite.
+    #[error("the scene centre must be finite, not {0:?}")]
+    Centre([f64; 3]),
+    /// A weight is negative or not finite.
+    #[error("the weights must be finite and not negative, not {0:?}")]
+    Weights(Weights),
+}
+
+/// How much each part of the 9-vector counts: every component of the part is multiplied by its weight before distances are taken.
+/// The paper leaves them open.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weights {
+    /// Factor of the world position, which has first been divided by the scene diagonal.
+    pub position: f32,
+    /// Factor of the unit normal.
+    pub normal: f32,
+    /// Factor of the diffuse reflectance, linear RGB.
+    pub albedo: f32,
+}
+
+/// One frame's deep framebuffer: slices of `width * height` elements in rows from the top.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame<'a> {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// World-space positions.
+    pub position: &'a [[f32; 3]],
+    /// World-space unit normals.
+    pub normal: &'a [[f32; 3]],
+    /// Diffuse reflectances, linear RGB.
+    pub albedo: &'a [[f32; 3]],
+    /// Not zero where the pixel sees a surface.
+    pub valid: &'a [u8],
+}
+
+/// The 9-vectors of an image's pixels. A pixel that sees nothing, or whose vector is not finite or has a component beyond 1e18,
+/// is invalid: it is nobody's neighbour and has none.
+#[derive(Debug, Clone)]
+pub struct Features {
+    width: u32,
+    height: u32,
+    /// An invalid pixel's first component is infinite, which puts it infinitely far from every query.
+    vectors: Vec<Padded>,
+}
+
+/// The squared distance of two 9-vectors padded with zeros. The order of the additions is part of the definition: the pyramid's
+/// lane-parallel form adds in the same order and so gives the same bits.
+pub(super) fn padded_distance(a: &Padded, b: &Padded) -> f32 {
+    let mut sums = [0.0f32; 4];
+    for group in 0..3 {
+        for lane in 0..4 {
+            let difference = a[4 * group + lane] - b[4 * group + lane];
+            sums[lane] += difference * difference;
+        }
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
+}
+
+/// A 9-vector padded with zeros.
+pub(super) fn padded(vector: &[f32; 9]) -> Padded {
+    let mut padded = [0.0; 12];
+    padded[..9].copy_from_slice(vector);
+    padded
+}
+
+/// The squared distance of two 9-vectors in single precision, as every search here measures it.
+pub fn squared_distance(a: &[f32; 9], b: &[f32; 9]) -> f32 {
+    padded_distance(&padded(a), &padded(b))
+}
+
+/// Whether a vector can be searched for without an overflow.
+pub(super) fn searchable(vector: &Padded) -> bool {
+    vector.iter().all(|component| component.abs() <= LARGEST)
+}
+
+impl Features {
+    /// The vectors `((position - centre) / diagonal, normal, albedo)`, each part times its weight. `diagonal` is the length of the
+    /// scene's bounding box diagonal and `centre` a point in the scene's midst, both in world units; they must be the same for all
+    /// frames that are compared. The centre is subtracted in double precision, so a scene far from the origin loses nothing that
+    /// its single-precision positions still hold.
+    ///
+    /// Fails when a slice's length is not the number of pixels, a side is longer than 32,768, or the diagonal, centre or weights
+    /// are not usable numbers.
+    pub fn new(
+        frame: &Frame,
+        centre: [f64; 3],
+        diagonal: f64,
+        weights: Weights,
+    ) -> Result<Self, NeighbourError> {
+        let Frame { width, height, position, normal, albedo, valid } = *frame;
+        if width > LONGEST_SIDE || height > LONGEST_SIDE {
+            return Err(NeighbourError::TooLarge { width, height });
+        }
+        let expected = width as usize * height as usize;
+        let lengths = [
+            ("position", position.len()),
+            ("normal", normal.len()),
+            ("albedo", albedo.len()),
+            ("valid", valid.len()),
+        ];
+        for (what, found) in lengths {
+            if found != expected {
+                return Err(NeighbourError::Length { what, found, expected });
+            }
+        }
+        if !(diagonal.is_finite() && diagonal > 0.0) {
+            return Err(NeighbourError::Diagonal(diagonal));
+        }
+        if centre.iter().any(|c| !c.is_finite()) {
+            return Err(NeighbourError::Centre(centre));
+        }
+        if [weights.position, weights.normal, weights.albedo]
+            .iter()
+            .any(|w| !(w.is_finite() && *w >= 0.0))
+        {
+            return Err(NeighbourError::Weights(weights));
+        }
+        let vector = |pixel: usize| {
+            let mut vector = [0.0; 12];
+            for axis in 0..3 {
+                let offset = (f64::from(position[pixel][axis]) - centre[axis]) / diagonal;
+                vector[axis] = (offset * f64::from(weights.position)) as f32;
+                vector[3 + axis] = normal[pixel][axis] * weights.normal;
+                vector[6 + axis] = albedo[pixel][axis] * weights.albedo;
+            }
+            let usable = valid[pixel] != 0 && searchable(&vector);
+            if usable { vector } else { INVALID }
+        };
+        let vectors = (0..expected).into_par_iter().map(vector).collect();
+        Ok(Self { width, height, vectors })
+    }
+
+    /// Pixels in a row.
+    pub fn width(&self) -> u32 {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> u32 {
+        self.height
+    }
+
+    /// The pixel's weighted 9-vector, or none when the pixel is invalid or not in the image.
+    pub fn vector(&self, pixel: u32) -> Option<[f32; 9]> {
+        let vector = self.valid(pixel)?;
+        Some(std::array::from_fn(|component| vector[component]))
+    }
+
+    /// The pixel's padded vector, or none when the pixel is invalid or not in the image.
+    pub(super) fn valid(&self, pixel: u32) -> Option<&Padded> {
+        self.vectors.get(pixel as usize).filter(|vector| vector[0].is_finite())
+    }
+
+    /// The padded vectors of all pixels; an invalid pixel's is infinitely far from every valid one.
+    pub(super) fn padded(&self) -> &[Padded] {
+        &self.vectors
+    }
+}
+
+/// The vector of an invalid pixel.
+const INVALID: Padded = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ONES: Weights = Weights { position: 1.0, normal: 1.0, albedo: 1.0 };
+
+    fn one_pixel(
+        position: [f32; 3],
+        valid: u8,
+        centre: [f64; 3],
+        diagonal: f64,
+        weights: Weights,
+    ) -> Option<[f32; 9]> {
+        let frame = Frame {
+            width: 1,
+            height: 1,
+            position: &[position],
+            normal: &[[0.0, 1.0, 0.0]],
+            albedo: &[[0.25, 0.5, 0.75]],
+            valid: &[valid],
+        };
+        Features::new(&frame, centre, diagonal, weights)
+            .expect("the arguments are in order")
+            .vector(0)
+    }
+
+    #[test]
+    fn vectors_are_centred_scaled_and_weighted() {
+        let weights = Weights { position: 2.0, normal: 3.0, albedo: 4.0 };
+        let vector = one_pixel([3.0, 5.0, 7.0], 1, [1.0, 1.0, 1.0], 8.0, weights);
+        assert_eq!(vector, Some([0.5, 1.0, 1.5, 0.0, 3.0, 0.0, 1.0, 2.0, 3.0]));
+    }
+
+    #[test]
+    fn far_from_the_origin_nothing_is_lost() {
+        // 1/16 is the spacing of single-precision numbers at 1e6.
+        let vector = one_pixel([1e6 + 0.0625, 1e6, 1e6], 1, [1e6, 1e6, 1e6], 1.0, ONES);
+        assert_eq!(vector.map(|v| [v[0], v[1], v[2]]), Some([0.0625, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn background_and_unusable_vectors_are_invalid() {
+        assert_eq!(one_pixel([0.0; 3], 0, [0.0; 3], 1.0, ONES), None);
+        assert_eq!(one_pixel([0.0, f32::NAN, 0.0], 1, [0.0; 3], 1.0, ONES), None);
+        assert_eq!(one_pixel([0.0, 0.0, f32::INFINITY], 1, [0.0; 3], 1.0, ONES), None);
+        assert_eq!(one_pixel([1.0, 0.0, 0.0], 1, [0.0; 3], 1e-30, ONES), None);
+        assert!(one_pixel([1.0, 0.0, 0.0], 1, [0.0; 3], 1.0, ONES).is_some());
+    }
+
+    #[test]
+    fn bad_arguments_are_refused() {
+        let frame = Frame {
+            width: 1,
+            height: 1,
+            position: &[[0.0; 3]],
+            normal: &[[0.0; 3]],
+            albedo: &[[0.0; 3]],
+            valid: &[1],
+        };
+        let new = |frame: &Frame, diagonal, weights| {
+            Features::new(frame, [0.0; 3], diagonal, weights).err()
+        };
+        assert_eq!(new(&frame, 0.0, ONES), Some(NeighbourError::Diagonal(0.0)));
+        assert!(matches!(new(&frame, f64::NAN, ONES), Some(NeighbourError::Diagonal(_))));
+        let negative = Weights { normal: -1.0, ..ONES };
+        assert_eq!(new(&frame, 1.0, negative), Some(NeighbourError::Weights(negative)));
+        let short = Frame { valid: &[], ..frame };
+        assert_eq!(
+            new(&short, 1.0, ONES),
+            Some(NeighbourError::Length { what: "valid", found: 0, expected: 1 })
+        );
+        let wide = Frame { width: 40_000, ..frame };
+        assert_eq!(
+            new(&wide, 1.0, ONES),
+            Some(NeighbourError::TooLarge { width: 40_000, height: 1 })
+        );
+        assert!(Features::new(&frame, [f64::INFINITY, 0.0, 0.0], 1.0, ONES).is_err());
+    }
+
+    #[test]
+    fn empty_image() {
+        let frame =
+            Frame { width: 0, height: 5, position: &[], normal: &[], albedo: &[], valid: &[] };
+        let features =
+            Features::new(&frame, [0.0; 3], 1.0, ONES).expect("an empty image is an image");
+        assert_eq!(features.vector(0), None);
+    }
+}

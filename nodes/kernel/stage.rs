@@ -1,0 +1,382 @@
+//! The posed scene of one frame: hierarchies to trace and surfaces to shade. Derived, never stored.
+
+use super::brdf::Reflectance;
+use super::posing::posed_vertices;
+use super::texture::{self, Texture};
+use super::visibility::{Blas, Build, Ends, Hit, Instance, World};
+use crate::data::{Geometry, Materials, Poses, alpha, instance};
+use crate::node::{Ctx, Digest, Error, Item};
+use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
+use std::sync::Arc;
+
+/// A surface point with everything shading needs. Normals are on the front of the triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// World space, metres.
+    pub position: Vec3,
+    /// Unit shading normal.
+    pub normal: Vec3,
+    /// Unit normal of the triangle.
+    pub facet: Vec3,
+    /// How it reflects, on either side.
+    pub reflectance: Reflectance,
+    /// Radiance emitted from the front, W/(m^2 sr).
+    pub emitted: Vec3,
+    /// Whether the back emits too.
+    pub double_sided: bool,
+}
+
+impl Surface {
+    /// The same point with its normals on the side of `direction` (pointing away from the surface),
+    /// and the emission of that side.
+    pub fn facing(mut self, direction: Vec3) -> Self {
+        if self.facet.dot(direction) < 0.0 {
+            self.facet = -self.facet;
+            self.normal = -self.normal;
+            if !self.double_sided {
+                self.emitted = Vec3::ZERO;
+            }
+        }
+        self
+    }
+}
+
+/// Vertices of a deforming instance in world space, the mesh's range only.
+type Deformed = Option<(Vec<Vec3>, Vec<Vec3>)>;
+
+/// The posed scene of one frame. Triangles are numbered as [`Geometry`] says.
+pub struct Stage {
+    geometry: Item<Geometry>,
+    materials: Item<Materials>,
+    world: Arc<World>,
+    matrix: Vec<Mat4>,
+    /// For each instance: the matrix of its normals, and whether its matrix mirrors.
+    normal_matrix: Vec<(Mat3, bool)>,
+    deformed: Vec<Deformed>,
+    /// First world-level triangle of each instance, and the total at the end.
+    first: Vec<u32>,
+    /// Runs of the hierarchy's own numbering: (first number there, first triangle here), sorted.
+    runs: Vec<(u32, u32)>,
+}
+
+impl Stage {
+    /// The stage of one frame, built once for all who ask for the same frame.
+    ///
+    /// # Errors
+    /// When the parts do not belong together.
+    pub fn of(
+        ctx: &Ctx,
+        geometry: &Item<Geometry>,
+        materials: &Item<Materials>,
+        poses: &Item<Poses>,
+    ) -> Result<Arc<Stage>, Error> {
+        let key = [geometry.digest(), materials.digest(), poses.digest()];
+        ctx.derive(&key, || {
+            let stage = Stage::build(ctx, geometry, materials, poses)?;
+            let bytes = stage.bytes();
+            Ok((stage, bytes))
+        })
+    }
+
+    fn build(
+        ctx: &Ctx,
+        geometry: &Item<Geometry>,
+        materials: &Item<Materials>,
+        poses: &Item<Poses>,
+    ) -> Result<Stage, Error> {
+        let instances = &geometry.instance;
+        if instances.len() != poses.matrix.len() {
+            let what = format!("{} instances but {} poses: they are of different scenes", instances.len(), poses.matrix.len());
+            return Err(Error::invalid(what));
+        }
+        let matrix: Vec<Mat4> = poses.matrix.iter().map(Mat4::from_cols_array).collect();
+        let mut first = vec![0_u32];
+        for &[mesh, ..] in instances.iter() {
+            first.push(first[first.len() - 1] + geometry.mesh[mesh as usize][1]);
+        }
+        let deformed: Vec<Deformed> = (0..instances.len())
+            .map(|i| (instances[i][2] == instance::DEFORMING).then(|| posed_vertices(geometry, poses, i)).transpose())
+            .collect::<Result<_, Error>>()?;
+        let mut stage = Stage {
+            geometry: geometry.clone(),
+            materials: materials.clone(),
+            world: Arc::new(World::new(Vec::new())),
+            normal_matrix: matrix.iter().map(normal_matrix).collect(),
+            matrix,
+            deformed,
+            first,
+            runs: Vec::new(),
+        };
+        let parts = stage.place(ctx)?;
+        stage.world = Arc::new(World::new(parts));
+        Ok(stage)
+    }
+
+    /// The instances of the hierarchy: static meshes that are used once become one hierarchy in
+    /// world space, which is faster to trace than hundreds that overlap; every other mesh has its
+    /// own in mesh space, built once a shot; what deforms is built anew for each pose.
+    fn place(&mut self, ctx: &Ctx) -> Result<Vec<Instance>, Error> {
+        let geometry = self.geometry.clone();
+        let mut uses = vec![0_u32; geometry.mesh.len()];
+        geometry.instance.iter().for_each(|i| uses[i[0] as usize] += 1);
+        let fixed = |i: &usize| {
+            let [mesh, _, motion] = geometry.instance[*i];
+            motion == instance::STATIC && uses[mesh as usize] == 1
+        };
+        let (fixed, free): (Vec<usize>, Vec<usize>) = (0..geometry.instance.len()).partition(fixed);
+        let mut parts = Vec::new();
+        let mut number = 0;
+        if !fixed.is_empty() {
+            for &i in &fixed {
+                self.runs.push((number, self.first[i]));
+                number += self.first[i + 1] - self.first[i];
+            }
+            let blas = self.fixed_hierarchy(ctx, &fixed)?;
+            parts.push(Instance { blas, to_world: Affine3A::IDENTITY, first_triangle: 0 });
+        }
+        for i in free {
+            let (blas, to_world) = match self.deformed[i] {
+                Some(_) => (self.build_hierarchy(&[i], Build::Fast, ctx), Affine3A::IDENTITY),
+                None => (self.mesh_hierarchy(ctx, i)?, Affine3A::from_mat4(self.matrix[i])),
+            };
+            self.runs.push((number, self.first[i]));
+            parts.push(Instance { blas, to_world, first_triangle: number });
+            number += self.first[i + 1] - self.first[i];
+        }
+        Ok(parts)
+    }
+
+    fn fixed_hierarchy(&self, ctx: &Ctx, fixed: &[usize]) -> Result<Arc<Blas>, Error> {
+        let places: Vec<[f32; 16]> = fixed.iter().map(|&i| self.matrix[i].to_cols_array()).collect();
+        let places = Digest::of(bytemuck::cast_slice(&places));
+        let key = [self.geometry.digest(), self.materials.digest(), places];
+        let shared = ctx.derive(&key, || {
+            let blas = self.build_hierarchy(fixed, Build::Medium, ctx);
+            let bytes = blas.bytes();
+            Ok((Shared(blas), bytes))
+        })?;
+        Ok(Arc::clone(&shared.0))
+    }
+
+    fn mesh_hierarchy(&self, ctx: &Ctx, i: usize) -> Result<Arc<Blas>, Error> {
+        let mesh = Digest::of(&self.geometry.instance[i][0].to_le_bytes());
+        let key = [self.geometry.digest(), self.materials.digest(), mesh];
+        let shared = ctx.derive(&key, || {
+            let range = self.geometry.mesh[self.geometry.instance[i][0] as usize];
+            let blas = self.hierarchy_of(
+                (range[0]..range[0] + range[1]).map(|t| (t, self.geometry.triangle[t as usize].map(|v| self.geometry.position[v as usize]))),
+                Build::Medium,
+                ctx,
+            );
+            let bytes = blas.bytes();
+            Ok((Shared(blas), bytes))
+        })?;
+        Ok(Arc::clone(&shared.0))
+    }
+
+    fn build_hierarchy(&self, instances: &[usize], build: Build, ctx: &Ctx) -> Arc<Blas> {
+        let triangles = instances.iter().flat_map(|&i| {
+            let range = self.geometry.mesh[self.geometry.instance[i][0] as usize];
+            (0..range[1]).map(move |t| (range[0] + t, self.corners(i, t)))
+        });
+        self.hierarchy_of(triangles, build, ctx)
+    }
+
+    fn hierarchy_of(&self, triangles: impl Iterator<Item = (u32, [Vec3; 3])>, build: Build, ctx: &Ctx) -> Arc<Blas> {
+        let mut absent = 0;
+        let (corners, masked): (Vec<_>, Vec<_>) = triangles
+            .map(|(t, corners)| {
+                let mode = self.materials.alpha_mode[self.geometry.triangle_material[t as usize] as usize][0];
+                // Light passes through what is absent: a triangle of no extent keeps its number and
+                // is never hit.
+                let gone = mode == alpha::ABSENT;
+                absent += usize::from(gone);
+                (if gone { [Vec3::NAN; 3] } else { corners }, mode == alpha::MASK)
+            })
+            .unzip();
+        let blas = Blas::new(&corners, &masked, build);
+        let skipped = blas.skipped().saturating_sub(absent);
+        if skipped > 0 {
+            ctx.note(format!("{skipped} triangles without area are never hit"));
+        }
+        Arc::new(blas)
+    }
+
+    fn bytes(&self) -> usize {
+        let vertices = |d: &Deformed| d.as_ref().map_or(0, |(p, n)| 12 * (p.len() + n.len()));
+        self.world.bytes() + self.deformed.iter().map(vertices).sum::<usize>() + 64 * self.matrix.len()
+    }
+
+    /// Length by which shadow rays are lifted off surfaces, metres.
+    pub fn bias(&self) -> f32 {
+        self.geometry.bias
+    }
+
+    /// The shapes this stage poses.
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    /// Number of world-level triangles.
+    pub fn triangles(&self) -> u32 {
+        self.first[self.first.len() - 1]
+    }
+
+    /// Material of a world-level triangle.
+    pub fn material(&self, triangle: u32) -> usize {
+        let (i, local) = self.locate(triangle);
+        let mesh = self.geometry.mesh[self.geometry.instance[i][0] as usize];
+        self.geometry.triangle_material[(mesh[0] + local) as usize] as usize
+    }
+
+    /// The three corners of a world-level triangle, world space.
+    pub fn triangle(&self, triangle: u32) -> [Vec3; 3] {
+        let (i, local) = self.locate(triangle);
+        self.corners(i, local)
+    }
+
+    /// Area of a world-level triangle, square metres; zero for what is absent or not finite.
+    pub fn area(&self, triangle: u32) -> f32 {
+        if self.materials.alpha_mode[self.material(triangle)][0] == alpha::ABSENT {
+            return 0.0;
+        }
+        let [a, b, c] = self.triangle(triangle);
+        let area = 0.5 * (b - a).cross(c - a).length();
+        if area.is_finite() { area } else { 0.0 }
+    }
+
+    fn locate(&self, triangle: u32) -> (usize, u32) {
+        let i = self.first.partition_point(|&f| f <= triangle) - 1;
+        (i, triangle - self.first[i])
+    }
+
+    fn corners(&self, i: usize, local: u32) -> [Vec3; 3] {
+        let mesh = self.geometry.mesh[self.geometry.instance[i][0] as usize];
+        let corner = self.geometry.triangle[(mesh[0] + local) as usize];
+        match &self.deformed[i] {
+            Some((positions, _)) => corner.map(|v| positions[(v - mesh[2]) as usize]),
+            None => corner.map(|v| self.matrix[i].transform_point3(self.geometry.position[v as usize])),
+        }
+    }
+
+    /// The surface at barycentric weights `u`, `v` of a triangle's second and third corner.
+    pub fn surface(&self, triangle: u32, u: f32, v: f32) -> Surface {
+        let (i, local) = self.locate(triangle);
+        let mesh = self.geometry.mesh[self.geometry.instance[i][0] as usize];
+        let t = (mesh[0] + local) as usize;
+        let corner = self.geometry.triangle[t];
+        let [a, b, c] = self.corners(i, local);
+        let position = a + (b - a) * u + (c - a) * v;
+        let weights = [1.0 - u - v, u, v];
+        let (normal_matrix, mirrored) = self.normal_matrix[i];
+        let mut facet = (b - a).cross(c - a).normalize_or(Vec3::Y);
+        if mirrored {
+            facet = -facet;
+        }
+        let blend = |at: [Vec3; 3]| at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2];
+        let normal = match &self.deformed[i] {
+            Some((_, normals)) => blend(corner.map(|v| normals[(v - mesh[2]) as usize])),
+            None => normal_matrix * blend(corner.map(|v| self.geometry.normal[v as usize])),
+        };
+        let normal = if normal.is_finite() { normal.normalize_or(facet) } else { facet };
+        let normal = if normal.dot(facet) < 0.0 { -normal } else { normal };
+        let uv = corner.map(|v| self.geometry.uv[v as usize]);
+        let uv = uv[0] * weights[0] + uv[1] * weights[1] + uv[2] * weights[2];
+        let tint = self.vertex_colour(corner, weights);
+        let (reflectance, emitted, double_sided) = self.shade(self.geometry.triangle_material[t] as usize, uv, tint);
+        Surface { position, normal, facet, reflectance, emitted, double_sided }
+    }
+
+    fn vertex_colour(&self, corner: [u32; 3], weights: [f32; 3]) -> [f32; 4] {
+        if self.geometry.colour.is_empty() {
+            return [1.0; 4];
+        }
+        let mut blend = [0.0; 4];
+        for (vertex, weight) in corner.into_iter().zip(weights) {
+            let colour = self.geometry.colour[vertex as usize];
+            (0..4).for_each(|c| blend[c] += colour[c] * weight);
+        }
+        blend
+    }
+
+    fn shade(&self, m: usize, uv: Vec2, tint: [f32; 4]) -> (Reflectance, Vec3, bool) {
+        let materials = &*self.materials;
+        let base = texture::sample(materials, m, Texture::BaseColour, uv);
+        let factor = materials.base_colour[m];
+        let base = Vec3::from_array([0, 1, 2].map(|c| (factor[c] * tint[c] * base[c]).clamp(0.0, 1.0)));
+        let rough = texture::sample(materials, m, Texture::MetallicRoughness, uv);
+        let [metallic, roughness] = materials.metallic_roughness[m];
+        let (metallic, roughness) = ((metallic * rough[2]).clamp(0.0, 1.0), (roughness * rough[1]).clamp(0.0, 1.0));
+        let dielectric = 0.04 * materials.specular_factor[m];
+        let reflectance = Reflectance {
+            albedo: base * (1.0 - metallic),
+            specular: Vec3::splat(dielectric).lerp(base, metallic),
+            roughness,
+        };
+        let glow = texture::sample(materials, m, Texture::Emission, uv);
+        let emitted = materials.emissive[m] * Vec3::from_array([glow[0], glow[1], glow[2]]);
+        (reflectance, emitted, materials.double_sided[m] != 0)
+    }
+
+    /// Whether a hit of the hierarchy counts: the filter of every query.
+    fn solid(&self, number: u32, u: f32, v: f32) -> bool {
+        let triangle = self.number(number);
+        let (i, local) = self.locate(triangle);
+        let t = (self.geometry.mesh[self.geometry.instance[i][0] as usize][0] + local) as usize;
+        let m = self.geometry.triangle_material[t] as usize;
+        let [mode, cutoff] = self.materials.alpha_mode[m];
+        if mode != alpha::MASK {
+            return true;
+        }
+        let corner = self.geometry.triangle[t];
+        let uv = corner.map(|v| self.geometry.uv[v as usize]);
+        let weights = [1.0 - u - v, u, v];
+        let uv = uv[0] * weights[0] + uv[1] * weights[1] + uv[2] * weights[2];
+        let base = texture::sample(&self.materials, m, Texture::BaseColour, uv)[3];
+        base * self.materials.base_colour[m][3] * self.vertex_colour(corner, weights)[3] >= cutoff
+    }
+
+    /// World-level triangle of the hierarchy's own number.
+    fn number(&self, number: u32) -> u32 {
+        let run = self.runs[self.runs.partition_point(|r| r.0 <= number) - 1];
+        run.1 + (number - run.0)
+    }
+
+    /// The nearest surface along `direction` (unit) between distances `near` and `far`, metres; the
+    /// hit's triangle is world-level.
+    pub fn closest(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<Hit> {
+        let hit = self.world.closest(origin, direction, near, far, &|t, u, v| self.solid(t, u, v))?;
+        Some(Hit { triangle: self.number(hit.triangle), ..hit })
+    }
+
+    /// Whether anything is strictly between two points: the scalar query that packets must match.
+    pub fn occluded(&self, from: Vec3, to: Vec3) -> bool {
+        self.world.occluded(from, to, &|t, u, v| self.solid(t, u, v))
+    }
+
+    /// Whether anything is along `direction` from a point on.
+    pub fn occluded_along(&self, from: Vec3, direction: Vec3) -> bool {
+        self.world.occluded_along(from, direction, &|t, u, v| self.solid(t, u, v))
+    }
+
+    /// Which of the segments from `origin` to the active `ends` are blocked.
+    pub fn occluded_from(&self, origin: Vec3, ends: &Ends, active: u64) -> u64 {
+        self.world.occluded_from(origin, ends, active, &|t, u, v| self.solid(t, u, v))
+    }
+
+    /// Which of the parallel rays from the active `starts` are blocked.
+    pub fn occluded_parallel(&self, direction: Vec3, starts: &Ends, active: u64) -> u64 {
+        self.world.occluded_parallel(direction, starts, active, &|t, u, v| self.solid(t, u, v))
+    }
+}
+
+/// The cofactor matrix: the inverse transpose up to a positive factor, and finite for any matrix.
+fn normal_matrix(matrix: &Mat4) -> (Mat3, bool) {
+    let m = Mat3::from_mat4(*matrix);
+    let cofactor = Mat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let mirrored = m.determinant() < 0.0;
+    (if mirrored { -cofactor } else { cofactor }, mirrored)
+}
+
+/// A hierarchy under a key of its own; the stage's own key is of another type.
+struct Shared(Arc<Blas>);

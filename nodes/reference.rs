@@ -1,0 +1,69 @@
+//! The brute-force sum over all lights: S_A = sum(A, 2) (Hašan et al. 2008, section 4.2).
+
+use crate::data::{DeepFramebuffer, Geometry, Image, Lights, Materials, Poses};
+use crate::kernel::light_tensor::{LightTensor, RayTensor};
+use crate::kernel::receivers::Receivers;
+use crate::kernel::stage::Stage;
+use crate::kernel::visibility::Ends;
+use crate::node::{Ctx, Error, Item, Node};
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+crate::params! {
+    /// Adds every light to every pixel, one shadow ray each: the truth that approximations are
+    /// compared with.
+    pub struct Reference {
+    }
+}
+
+crate::inputs! {
+    /// Inputs of [`Reference`].
+    pub struct ReferenceIn {
+        /// Surface samples.
+        framebuffer: Item<DeepFramebuffer>,
+        /// All lights.
+        lights: Item<Lights>,
+        /// Shapes that cast shadows.
+        geometry: Item<Geometry>,
+        /// Their materials.
+        materials: Item<Materials>,
+        /// Where they are.
+        poses: Item<Poses>,
+    }
+}
+
+impl Node for Reference {
+    const KIND: &'static str = "Reference";
+    const VERSION: u32 = 1;
+    type In = ReferenceIn;
+    type Out = Image;
+
+    fn run(&self, input: ReferenceIn, ctx: &Ctx) -> Result<Image, Error> {
+        let stage = Stage::of(ctx, &input.geometry, &input.materials, &input.poses)?;
+        let tensor = RayTensor::new(&stage, &input.lights);
+        let receivers = Receivers::of(&input.framebuffer);
+        let packets = receivers.samples.len().div_ceil(Ends::CAPACITY) as u64;
+        let done = AtomicU64::new(0);
+        let sums: Vec<Vec<DVec3>> = receivers
+            .samples
+            .par_chunks(Ends::CAPACITY)
+            .map(|packet| {
+                let mut sum = vec![DVec3::ZERO; packet.len()];
+                let mut column = vec![Vec3::ZERO; packet.len()];
+                for j in 0..tensor.lights() {
+                    tensor.column(j, packet, &mut column);
+                    sum.iter_mut().zip(&column).for_each(|(s, c)| *s += c.as_dvec3());
+                }
+                ctx.tick(done.fetch_add(1, Ordering::Relaxed), packets)?;
+                Ok(sum)
+            })
+            .collect::<Result<_, Error>>()?;
+        let (width, height) = input.framebuffer.size();
+        let mut radiance = input.framebuffer.emitted.to_vec();
+        for (pixel, sum) in receivers.pixel.iter().zip(sums.iter().flatten()) {
+            radiance[*pixel as usize] += sum.min(DVec3::splat(f64::from(f32::MAX))).as_vec3();
+        }
+        Ok(Image::new(width, height, radiance))
+    }
+}

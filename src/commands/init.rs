@@ -1,0 +1,4 @@
+//! placeholder
+use super::session::Failure; use super::Common; use crate::registry::Registry;
+#[derive(clap::Args)] pub struct Init {}
+impl Init { pub fn run(&self, _: &Common, _: &Registry) -> Result<(), Failure> { Ok(()) } }

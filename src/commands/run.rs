@@ -1,0 +1,122 @@
+//! `run`: runs what the cache does not have and publishes the outputs.
+
+use super::progress::{Bars, Lines, Silent};
+use super::session::{Failure, Session};
+use super::{Common, GraphArgs};
+use crate::engine::{self, Options, Progress, Published, Summary, publish};
+use crate::registry::Registry;
+use lightloom_nodes::node::Digest;
+use std::collections::BTreeSet;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+#[derive(clap::Args)]
+pub struct Run {
+    #[command(flatten)]
+    graph: GraphArgs,
+    /// Folder of the results; `out/` and the graph's name by default.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Node executions side by side.
+    #[arg(long, short, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: u16,
+    /// Threads of all nodes together; as many as there are processors by default.
+    #[arg(long)]
+    threads: Option<u16>,
+    /// Memory that running nodes may take together by their own estimates, in gigabytes.
+    #[arg(long, default_value_t = 4.0, value_name = "GB")]
+    memory: f64,
+}
+
+impl Run {
+    pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
+        let session = Session::open(common, &self.graph, registry)?;
+        if session.graph.outputs.is_empty() {
+            return Err(Failure::Nothing("the graph publishes nothing: name its `outputs`".into()));
+        }
+        if let Some(threads) = self.threads {
+            let built = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+            built.map_err(|e| Failure::Usage(format!("--threads: {e}")))?;
+        }
+        let wanted = session.outputs();
+        let plan = session.plan(&wanted, registry)?;
+        let options = Options {
+            jobs: self.jobs.into(),
+            memory: (self.memory.max(0.0) * 1e9) as u64,
+            cancelled: stop_on_interrupt(),
+        };
+        let progress: Box<dyn Progress> = match (common.json, std::io::stderr().is_terminal()) {
+            (true, _) => Box::new(Silent),
+            (false, true) => Box::new(Bars::new()),
+            (false, false) => Box::new(Lines::new()),
+        };
+        let (summary, known) = engine::run(&session.graph, &plan, &wanted, &session.store, &options, &*progress)?;
+        drop(progress);
+        let folder = self.out.clone().unwrap_or_else(|| default_folder(&session.path));
+        let published = publish(&session.graph, &plan, &known, &session.store, &folder)?;
+        let pinned: BTreeSet<Digest> = known.held.iter().flatten().flatten().map(|h| h.digest).collect();
+        session.store.evict(&pinned)?;
+        if common.json {
+            print_json(&summary, &folder, &published);
+        } else {
+            print_text(&summary, &folder, &published);
+        }
+        session.store.damage().iter().for_each(|d| eprintln!("repaired: {d}"));
+        Ok(())
+    }
+}
+
+/// `out/tensor` for `graphs/tensor.ron`.
+pub fn default_folder(graph: &Path) -> PathBuf {
+    Path::new("out").join(graph.file_stem().unwrap_or(graph.as_os_str()))
+}
+
+/// Ctrl-C stops the run after the current steps; a second one ends the program at once.
+fn stop_on_interrupt() -> Arc<AtomicBool> {
+    let cancelled = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&cancelled);
+    // Without a handler the program ends at once, which loses no finished result either.
+    let _ = ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(4);
+        }
+        eprintln!("stopping after the current steps; finished results are kept (again: stop now)");
+    });
+    cancelled
+}
+
+fn print_json(summary: &Summary, folder: &Path, published: &[Published]) {
+    let files: Vec<_> = published
+        .iter()
+        .map(|p| serde_json::json!({ "output": p.output, "path": p.path, "figures": p.figures }))
+        .collect();
+    println!("{}", serde_json::json!({ "ok": true, "summary": summary, "folder": folder, "published": files }));
+}
+
+fn print_text(summary: &Summary, folder: &Path, published: &[Published]) {
+    let width = summary.nodes.iter().map(|n| n.name.len()).max().unwrap_or(0);
+    for node in &summary.nodes {
+        let reused = node.executions - node.ran;
+        let what = match (node.ran, reused) {
+            (0, all) => format!("reused {all}"),
+            (ran, 0) => format!("ran {ran} in {:.2} s", node.seconds),
+            (ran, reused) => format!("ran {ran} in {:.2} s, reused {reused}", node.seconds),
+        };
+        println!("  {:width$}  {:16}  {what}", node.name, node.kind);
+        node.notes.iter().for_each(|note| println!("  {:width$}  note: {note}", ""));
+    }
+    for p in published.iter().filter(|p| !p.figures.is_empty()) {
+        let figures: Vec<String> = p.figures.iter().map(|(name, mean)| format!("{name} {mean:.6}")).collect();
+        println!("  {}: {}", p.output, figures.join(", "));
+    }
+    let (ran, all) = summary.ran();
+    println!(
+        "{ran} of {all} executions ran, {} reused, in {:.2} s; peak memory {:.2} GB",
+        all - ran,
+        summary.seconds,
+        summary.peak_bytes as f64 * 1e-9
+    );
+    println!("{} files in {}", published.len(), folder.display());
+}

@@ -1,0 +1,146 @@
+//! What commands share: reading a graph, opening the cache, and failing well.
+
+use super::{Common, GraphArgs};
+use crate::engine::{EngineError, Plan};
+use crate::graph::{Diagnostic, Graph, Override};
+use crate::registry::Registry;
+use crate::store::{Store, StoreError};
+use lightloom_nodes::node::Cardinality;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::sync::Arc;
+
+/// Why a command ended badly, with its exit code.
+pub enum Failure {
+    /// The graph file or the command line is wrong: 2.
+    Graph(Vec<Diagnostic>),
+    /// Something else the user gave is wrong: 2.
+    Usage(String),
+    /// Nothing matched what was asked for: 3.
+    Nothing(String),
+    /// A node, the cache or the output folder failed, or the user stopped the run: 1 or 4.
+    Engine(EngineError),
+}
+
+impl From<EngineError> for Failure {
+    fn from(error: EngineError) -> Self {
+        Failure::Engine(error)
+    }
+}
+
+impl From<StoreError> for Failure {
+    fn from(error: StoreError) -> Self {
+        Failure::Engine(error.into())
+    }
+}
+
+impl Failure {
+    fn code(&self) -> u8 {
+        match self {
+            Failure::Engine(EngineError::Cancelled) => 4,
+            Failure::Engine(_) => 1,
+            Failure::Graph(_) | Failure::Usage(_) => 2,
+            Failure::Nothing(_) => 3,
+        }
+    }
+
+    /// Tells the user, on the error stream or as JSON, and gives the exit code.
+    pub fn report(&self, json: bool) -> ExitCode {
+        let messages: Vec<serde_json::Value> = match self {
+            Failure::Graph(all) => all.iter().map(diagnostic_json).collect(),
+            Failure::Usage(text) | Failure::Nothing(text) => vec![serde_json::json!({ "message": text })],
+            Failure::Engine(error) => vec![serde_json::json!({ "message": error.to_string() })],
+        };
+        if json {
+            println!("{}", serde_json::json!({ "ok": false, "exit_code": self.code(), "errors": messages }));
+            return ExitCode::from(self.code());
+        }
+        match self {
+            Failure::Graph(all) => print_diagnostics(all),
+            _ => messages.iter().for_each(|m| eprintln!("error: {}", m["message"].as_str().unwrap_or_default())),
+        }
+        ExitCode::from(self.code())
+    }
+}
+
+/// Prints diagnostics as the compiler of this language would.
+pub fn print_diagnostics(all: &[Diagnostic]) {
+    let color = std::io::stderr().is_terminal();
+    all.iter().for_each(|d| eprintln!("{}\n", d.render(color)));
+    let errors = all.iter().filter(|d| !d.warning).count();
+    if errors > 0 {
+        eprintln!("{errors} mistake{}, nothing was run", if errors == 1 { "" } else { "s" });
+    }
+}
+
+fn diagnostic_json(d: &Diagnostic) -> serde_json::Value {
+    let (line, column) = d.span.line_column();
+    serde_json::json!({
+        "file": d.file(), "line": line, "column": column, "code": d.id(), "warning": d.warning,
+        "message": d.message, "help": d.help,
+    })
+}
+
+/// A graph that was read, and its plan.
+pub struct Session {
+    /// The graph.
+    pub graph: Graph,
+    /// The graph's file.
+    pub path: PathBuf,
+    /// The cache.
+    pub store: Arc<Store>,
+}
+
+impl Session {
+    /// Reads a graph file.
+    pub fn graph(args: &GraphArgs, registry: &Registry) -> Result<Graph, Failure> {
+        let path = &args.graph;
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| Failure::Usage(format!("{}: cannot be read: {e}", path.display())))?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let overrides: Vec<Override> = args.set.iter().cloned().map(Override).collect();
+        let label = path.display().to_string();
+        Graph::read(&text, &label, folder, registry, &overrides).map_err(Failure::Graph)
+    }
+
+    /// Reads a graph file and opens the cache.
+    pub fn open(common: &Common, args: &GraphArgs, registry: &Registry) -> Result<Session, Failure> {
+        let graph = Self::graph(args, registry)?;
+        print_diagnostics(&graph.warnings);
+        Ok(Session { graph, path: args.graph.clone(), store: store(common)? })
+    }
+
+    /// The executions that the nodes at `wanted` need.
+    pub fn plan(&self, wanted: &[usize], registry: &Registry) -> Result<Plan, Failure> {
+        let cardinality = |node: usize, port: &str| {
+            let ports = registry.get(self.graph.nodes[node].kind).map(|t| &t.ports);
+            let found = ports.and_then(|ports| ports.iter().find(|p| p.name == port));
+            found.map_or(Cardinality::One, |p| p.cardinality)
+        };
+        Plan::new(&self.graph, wanted, cardinality, &self.store).map_err(|e| Failure::Usage(e.to_string()))
+    }
+
+    /// The nodes whose results are published.
+    pub fn outputs(&self) -> Vec<usize> {
+        self.graph.outputs.iter().map(|(_, node)| *node).collect()
+    }
+
+    /// The node called `name`, or a failure that lists the nearest.
+    pub fn node(&self, name: &str) -> Result<usize, Failure> {
+        self.graph.find(name).ok_or_else(|| {
+            let names = self.graph.nodes.iter().map(|n| n.name.as_str());
+            let nearest = names.max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
+            let hint = nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default();
+            Failure::Nothing(format!("the graph has no node `{name}`{hint}"))
+        })
+    }
+}
+
+/// Opens the cache.
+pub fn store(common: &Common) -> Result<Arc<Store>, Failure> {
+    if !(common.quota.is_finite() && common.quota >= 0.0) {
+        return Err(Failure::Usage(format!("--quota: expected gigabytes, found {}", common.quota)));
+    }
+    Ok(Arc::new(Store::open(&common.cache, Some((common.quota * 1e9) as u64))?))
+}
