@@ -1,9 +1,9 @@
-//! Clusters of the columns of one frame: matrix row-column sampling (Hašan et al. 2007).
+//! Clusters of the columns of each frame by itself: matrix row-column sampling (Hašan et al. 2007).
 
 use crate::data::{Clusters, Rows};
 use crate::kernel::clustering::{Mode, Tensor, cluster_columns};
-use crate::kernel::history::store;
-use crate::node::{Ctx, Error, Item, Node};
+use crate::kernel::history::{interleave, store};
+use crate::node::{All, Ctx, Error, Node, Sizes};
 
 crate::choice! {
     /// How columns are clustered.
@@ -18,9 +18,10 @@ crate::choice! {
 }
 
 crate::params! {
-    /// Clusters the lights of a single frame by their reduced columns.
+    /// Clusters the lights of each frame by their reduced columns, as if there were no other frames: the
+    /// method for stills, and over a shot the baseline that flickers.
     pub struct ColumnClusters {
-        /// Number of clusters.
+        /// Number of clusters a frame.
         count: u32 = 200, 1..=65_536;
         /// How they are found.
         method: Method = Method::Combined;
@@ -32,8 +33,8 @@ crate::params! {
 crate::inputs! {
     /// Inputs of [`ColumnClusters`].
     pub struct ColumnClustersIn {
-        /// Rows of the frame.
-        rows: Item<Rows>,
+        /// Rows of every frame.
+        rows: All<Rows>,
     }
 }
 
@@ -43,17 +44,27 @@ impl Node for ColumnClusters {
     type In = ColumnClustersIn;
     type Out = Clusters;
 
+    fn memory(&self, inputs: &Sizes) -> u64 {
+        3 * inputs.bytes("rows") / inputs.items("rows").max(1)
+    }
+
     fn run(&self, input: ColumnClustersIn, ctx: &Ctx) -> Result<Clusters, Error> {
-        let rows = &input.rows;
-        let (lights, height) = (rows.norm.len(), rows.pixel.len());
-        let tensor = Tensor::from_frames(lights, height, 1, |_| Ok::<_, Error>(&rows.reduced[..]))?;
         let mode = match self.method {
             Method::Combined => Mode::Combined,
             Method::Sampling => Mode::Sampling,
             Method::Divide => Mode::Divide,
         };
-        let tick = |done, total| ctx.tick(done, total);
-        let history = cluster_columns::<Error>(&tensor, mode, self.count as usize, self.seed, &tick)?;
-        Ok(store(history, lights, 1))
+        let (frames, count) = (input.rows.len() as u64, u64::from(self.count));
+        let mut lights = 0;
+        let mut histories = Vec::new();
+        for k in 0..frames {
+            let rows = input.rows.get(k as usize)?;
+            lights = lights.max(rows.norm.len());
+            let tensor = Tensor::from_frames(rows.norm.len(), rows.pixel.len(), 1, |_| Ok::<_, Error>(&rows.reduced[..]))?;
+            let tick = |done, _| ctx.tick(k * count + done, frames * count);
+            // Every frame draws its own numbers, as a still would.
+            histories.push(cluster_columns::<Error>(&tensor, mode, self.count as usize, self.seed.wrapping_add(k), &tick)?);
+        }
+        Ok(store(interleave(&histories), lights, frames as usize))
     }
 }

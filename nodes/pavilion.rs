@@ -2,7 +2,7 @@
 //!
 //! Two arcades, a saffron wall and an indigo wall, a slatted roof; in the middle three ribbons plaited
 //! around a trefoil knot turn on a plinth, a cloth waves, lanterns glow in the shade. Made for a sun at
-//! an elevation of about 35 degrees and an azimuth of about 40 (`Sky`, `SunLights`).
+//! an elevation of 35 degrees and an azimuth of 40, the defaults of `Sky` and `SunLights`.
 
 use crate::data::{Scene, channel};
 use crate::kernel::shapes::{
@@ -115,8 +115,12 @@ impl Pavilion {
             roof.add(&block([x - 0.07, 3.22, 3.3], [x + 0.07, 3.38, 6.75]), 10.0, PLAIN);
             roof.add(&block([x - 0.07, -0.1, 6.5], [x + 0.07, 3.24, 6.64]), 10.0, PLAIN);
         }
+        let garden =
+            solid(&[([9.1, -0.2, -3.6], [9.4, 1.45, 7.45]), ([-6.6, -0.2, 7.2], [9.25, 1.3, 7.5])]);
+        let clay = scene.material(Material::matte(Vec3::new(0.6, 0.3, 0.17)));
         let parts = [
             (plaster, white),
+            (garden, clay),
             (saffron_wall, saffron),
             (indigo_wall, indigo),
             (roof, wood),
@@ -288,7 +292,7 @@ impl Pavilion {
         let node = scene.node(SCULPTURE + Vec3::Y * 1.75, Quat::IDENTITY, 0);
         scene.show(mesh, node, Affine3A::IDENTITY);
         let (times, shares) = self.keys();
-        let turn = |share: &f32| Quat::from_rotation_y(-0.9 + PI / 3.0 * share).to_array();
+        let turn = |share: &f32| Quat::from_rotation_y(-1.85 + PI / 3.0 * share).to_array();
         scene.animate(node, channel::ROTATION, &times, shares.iter().flat_map(turn).collect());
     }
 
@@ -320,9 +324,9 @@ impl Pavilion {
     /// A dolly along the hall that swings towards the colonnade.
     fn camera(&self, scene: &mut Arrangement) {
         let place =
-            |share: f32| Vec3::new(-4.5 + 0.7 * share, 1.4 + 0.06 * share, 1.75 - 0.7 * share);
+            |share: f32| Vec3::new(-4.8 + 0.6 * share, 1.45 + 0.05 * share, 1.8 - 0.65 * share);
         let look = |share: f32| {
-            let to = Vec3::new(1.2, 1.45, 0.0) - place(share);
+            let to = Vec3::new(1.2, 1.4, 0.0) - place(share);
             let side = to.cross(Vec3::Y).normalize();
             let back = -to.normalize();
             Quat::from_mat3(&glam::Mat3::from_cols(side, back.cross(side), back))
@@ -341,7 +345,7 @@ impl Pavilion {
 fn tiles() -> Mesh {
     let mut mesh = Mesh::default();
     mesh.add(
-        &bevelled_box(Vec3::new(-6.7, -0.4, -3.7), Vec3::new(6.7, -0.03, 6.9), 0.02),
+        &bevelled_box(Vec3::new(-6.7, -0.4, -3.7), Vec3::new(9.6, -0.03, 7.6), 0.02),
         10.0,
         Vec3::splat(0.6),
     );

@@ -11,9 +11,9 @@ crate::params! {
     /// A clear or hazy sky over a plain ground, as a latitude-longitude map; the sun itself comes from `SunLights`.
     pub struct Sky {
         /// Elevation of the sun over the horizon and its azimuth from +X towards +Z, degrees.
-        sun: [f32; 2] = [35.0, 60.0];
+        sun: [f32; 2] = [35.0, 40.0];
         /// How hazy the air is: 2 is clear, 6 hazy (Preetham et al. 1999).
-        turbidity: f32 = 3.0, 2.0..=10.0;
+        turbidity: f32 = 2.5, 2.0..=10.0;
         /// Grey albedo of the ground below the horizon, lit by the sun and the sky.
         ground: f32 = 0.2, 0.0..=1.0;
         /// Width and height of the map, texels.

@@ -10,9 +10,9 @@ crate::params! {
     /// The sun of `Sky` as directional lights of equal irradiance, spread over its disc.
     pub struct SunLights {
         /// Elevation of the sun over the horizon and its azimuth from +X towards +Z, degrees.
-        sun: [f32; 2] = [35.0, 60.0];
+        sun: [f32; 2] = [35.0, 40.0];
         /// How hazy the air is: 2 is clear, 6 hazy (Preetham et al. 1999).
-        turbidity: f32 = 3.0, 2.0..=10.0;
+        turbidity: f32 = 2.5, 2.0..=10.0;
         /// Lights on the disc of 0.53 degrees (Hašan et al. 2008, section 5).
         count: u32 = 16, 1..=65_536;
         /// Irradiance of 1 klx.
@@ -86,7 +86,8 @@ mod tests {
     #[test]
     fn sixteen_directions_fill_the_disc_evenly() {
         let lights = SunLights::default().run((), &Ctx::default()).unwrap();
-        let sun = Daylight::new([35.0, 60.0], 3.0).unwrap().sun();
+        let SunLights { sun, turbidity, .. } = SunLights::default();
+        let sun = Daylight::new(sun, turbidity).unwrap().sun();
         let (side, up) = sun.any_orthonormal_pair();
         let flat: Vec<_> = lights
             .direction

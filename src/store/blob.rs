@@ -4,6 +4,7 @@ use std::fs::{File, FileTimes, Metadata, Permissions};
 use std::io::{self, ErrorKind, Write};
 use std::mem::take;
 use std::os::unix::fs::PermissionsExt;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
@@ -44,6 +45,11 @@ impl Store {
             expected,
             failed: false,
         })
+    }
+
+    /// Where the blob `digest` lies, or would lie, in the cache: a safetensors file without an extension.
+    pub fn blob_path(&self, digest: &Digest) -> PathBuf {
+        self.shelf("cas", digest)
     }
 
     /// The blob `digest` of `bytes` bytes, mapped; None when the store does not have it. A blob of another size, or
