@@ -8,6 +8,7 @@ use crate::kernel::stage::Stage;
 use crate::node::{Ctx, Error, Item, Node, Problems};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 crate::params! {
@@ -64,7 +65,7 @@ impl Node for AntiAlias {
         }
         let stage = Stage::of(ctx, &input.geometry, &input.materials, &input.poses)?;
         let weights = [self.position, self.normal, self.albedo];
-        let features = nine_vectors(&input.framebuffer, &input.geometry, weights)?;
+        let features = nine_vectors(ctx, &input.framebuffer, &input.geometry, weights)?;
         let lens = Lens::new(&input.camera, width, height);
         let view = View { input: &input, stage: &stage, lens, features, weights };
         let (rows, lost) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -88,7 +89,7 @@ struct View<'a> {
     input: &'a AntiAliasIn,
     stage: &'a Stage,
     lens: Lens<'a>,
-    features: Features,
+    features: Arc<Features>,
     weights: [f32; 3],
 }
 

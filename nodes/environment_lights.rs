@@ -92,7 +92,7 @@ fn belts(count: usize) -> Vec<Belt> {
 /// The map's rows that lie between two heights, each with the share it has of them; shares make 1.
 fn rows_between(environment: &Environment, top: f64, bottom: f64) -> Vec<(usize, f64)> {
     let height = environment.radiance.shape()[0];
-    let first = ((top.acos() / PI * height as f64) as usize).saturating_sub(1);
+    let first = ((libm::acos(top) / PI * height as f64) as usize).saturating_sub(1);
     let share = |row: usize| {
         let overlap =
             latlong::edge(row, height).min(top) - latlong::edge(row + 1, height).max(bottom);

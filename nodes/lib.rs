@@ -62,5 +62,6 @@ nodes! {
     rows Rows;
     scene Scene;
     sky Sky;
+    still Still;
     sun_lights SunLights;
 }

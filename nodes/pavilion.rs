@@ -149,7 +149,7 @@ impl Pavilion {
         for bay in 0..COLUMNS - 1 {
             let middle = BAY * (bay as f32 - (COLUMNS - 2) as f32 / 2.0);
             outline.extend((0..=steps).map(|i| {
-                let (sin, cos) = (PI * i as f32 / steps as f32).sin_cos();
+                let (sin, cos) = libm::sincosf(PI * i as f32 / steps as f32);
                 Vec2::new(middle - radius * cos, spring + radius * sin.max(0.0))
             }));
         }
@@ -164,7 +164,7 @@ impl Pavilion {
             ((left + right) / 2.0, (right - left) / 2.0, self.steps(20.0));
         let mut outline = vec![Vec2::new(-3.6, -0.2), Vec2::new(left, -0.2)];
         outline.extend((0..=steps).map(|i| {
-            let (sin, cos) = (PI * i as f32 / steps as f32).sin_cos();
+            let (sin, cos) = libm::sincosf(PI * i as f32 / steps as f32);
             Vec2::new(middle - radius * cos, spring + radius * sin.max(0.0))
         }));
         outline.extend([(right, -0.2), (3.5, -0.2), (3.5, top), (-3.6, top)].map(Vec2::from));
@@ -300,11 +300,11 @@ impl Pavilion {
     fn cloth(&self, scene: &mut Arrangement) {
         let cloth = scene.material(Material::matte(Vec3::splat(0.8)));
         let cells = [self.steps(44.0), self.steps(64.0)];
-        let folds: Displacement = |x, y| 0.035 * (TAU * 3.0 * x).sin() * (0.4 + 0.6 * y);
+        let folds: Displacement = |x, y| 0.035 * libm::sinf(TAU * 3.0 * x) * (0.4 + 0.6 * y);
         let modes: [Displacement; 3] = [
-            |x, y| 0.14 * y * (TAU * (0.9 * y + 0.2 * x)).sin(),
-            |x, y| 0.14 * y * (TAU * (0.9 * y + 0.2 * x)).cos(),
-            |x, y| 0.08 * y * (PI * x).cos(),
+            |x, y| 0.14 * y * libm::sinf(TAU * (0.9 * y + 0.2 * x)),
+            |x, y| 0.14 * y * libm::cosf(TAU * (0.9 * y + 0.2 * x)),
+            |x, y| 0.08 * y * libm::cosf(PI * x),
         ];
         let (mesh, deltas) = sheet(Vec2::new(1.3, 2.5), cells, folds, &modes, stripe);
         let mesh = scene.mesh([(mesh, cloth)]);
@@ -313,8 +313,8 @@ impl Pavilion {
         scene.show(mesh, node, Affine3A::IDENTITY);
         let (times, shares) = self.keys();
         let weights = |share: &f32| {
-            let (sin, cos) = (TAU * share).sin_cos();
-            [cos, -sin, (TAU * share + 1.0).sin()]
+            let (sin, cos) = libm::sincosf(TAU * share);
+            [cos, -sin, libm::sinf(TAU * share + 1.0)]
         };
         let mut values: Vec<f32> = shares.iter().flat_map(weights).collect();
         values.copy_within(..3, 3 * (KEYS - 1));

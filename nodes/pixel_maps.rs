@@ -44,11 +44,11 @@ impl Node for PixelMaps {
     fn run(&self, input: PixelMapsIn, ctx: &Ctx) -> Result<Self::Out, Error> {
         let weights = [self.position, self.normal, self.albedo];
         let (this, next) = (&input.framebuffer.this, &input.framebuffer.next);
-        let features = nine_vectors(this, &input.geometry, weights)?;
         if this.digest() == next.digest() {
             return Ok(identity(this, weights));
         }
-        let following = nine_vectors(next, &input.geometry, weights)?;
+        let features = nine_vectors(ctx, this, &input.geometry, weights)?;
+        let following = nine_vectors(ctx, next, &input.geometry, weights)?;
         ctx.tick(0, 2)?;
         let forward = map(&Pyramid::build(&features), &following, f32::INFINITY);
         ctx.tick(1, 2)?;

@@ -16,6 +16,7 @@ use crate::node::{All, Ctx, Error, Item, Node, Sequence, Sizes};
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Receivers whose sums for all frames served fit the second-level cache.
@@ -126,7 +127,7 @@ impl Pass<'_> {
         let sums = self.sum_columns(&tensor, &receivers, &served)?;
         let pixels = framebuffer.triangle.len();
         let mut source = vec![Vec3::ZERO; pixels];
-        let mut mapper = Mapper::new(input, self.source)?;
+        let mut mapper = Mapper::new(input, self.ctx, self.source)?;
         let here = self.source.clamp(served.start, served.end);
         // Outward in both directions, so that each map is composed from the one before.
         for k in (here..served.end).chain((served.start..here).rev()) {
@@ -204,20 +205,21 @@ fn add_scaled(sum: &mut [f32], column: &[Vec3], weight: Vec3) {
 /// Maps images of one frame to others, walking away from it one frame at a time.
 struct Mapper<'a> {
     input: &'a ReconstructIn,
+    ctx: &'a Ctx,
     source: usize,
     /// 9-vectors of the source frame; none where no map is needed.
-    features: Option<Features>,
+    features: Option<Arc<Features>>,
     /// Frame reached, and its map into the source frame; none at the source itself.
     reached: (usize, Option<Vec<u32>>),
 }
 
 impl<'a> Mapper<'a> {
-    fn new(input: &'a ReconstructIn, source: usize) -> Result<Self, Error> {
+    fn new(input: &'a ReconstructIn, ctx: &'a Ctx, source: usize) -> Result<Self, Error> {
         let mut features = None;
         if let Some(maps) = &input.maps && !maps.is_empty() {
-            features = Some(nine_vectors(&*input.framebuffer.get(source)?, &input.geometry, maps.get(0)?.weights)?);
+            features = Some(nine_vectors(ctx, &input.framebuffer.get(source)?, &input.geometry, maps.get(0)?.weights)?);
         }
-        Ok(Mapper { input, source, features, reached: (source, None) })
+        Ok(Mapper { input, ctx, source, features, reached: (source, None) })
     }
 
     /// Adds `image` of the source frame to `target` of frame `k`: the source itself, or a frame
@@ -254,7 +256,7 @@ impl<'a> Mapper<'a> {
             onward if here.digest() == there.digest() => onward,
             None => Some(step.to_vec()),
             Some(onward) => {
-                let target = nine_vectors(&there, &self.input.geometry, pair.weights)?;
+                let target = nine_vectors(self.ctx, &there, &self.input.geometry, pair.weights)?;
                 Some(compose(&onward, step, features, &target).map_err(|e| Error::invalid(e.to_string()))?)
             }
         };

@@ -38,11 +38,11 @@ impl Node for SunLights {
         let centre = daylight.sun();
         let (side, up) = centre.any_orthonormal_pair();
         let golden = PI * (3.0 - 5_f64.sqrt());
-        let least = (SUN_DIAMETER / 2.0).cos();
+        let least = libm::cos(SUN_DIAMETER / 2.0);
         // One direction in each of `count` rings of equal solid angle, turned by the golden angle.
         let direction = |i: usize| {
             let cosine = 1.0 - (i as f64 + 0.5) / count as f64 * (1.0 - least);
-            let (sin, cos) = ((i as f64 * golden) % TAU).sin_cos();
+            let (sin, cos) = libm::sincos((i as f64 * golden) % TAU);
             let towards =
                 centre * cosine + (side * cos + up * sin) * (1.0 - cosine * cosine).sqrt();
             -towards.normalize().as_vec3()

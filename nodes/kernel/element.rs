@@ -152,7 +152,9 @@ pub fn element(receiver: &Receiver, light: &Light) -> Vec3 {
         return Vec3::ZERO;
     }
     let brdf = receiver.reflectance.brdf(receiver.normal, receiver.to_eye, unit);
-    (light.emission * (brdf * (factor * cosine))).min(Vec3::splat(f32::MAX))
+    // Bounded twice: an infinite factor times a dark channel would be no number at all.
+    let most = Vec3::splat(f32::MAX);
+    (light.emission * (brdf * (factor * cosine)).min(most)).min(most)
 }
 
 #[cfg(test)]
@@ -198,6 +200,10 @@ mod tests {
                 assert!(element(&floor(), &near).is_finite(), "{distance} {clamp}");
             }
         }
+        let shiny = Reflectance { specular: Vec3::ONE, roughness: 0.0, ..Reflectance::default() };
+        let receiver = Receiver { reflectance: shiny, ..floor() };
+        let red = Light { emission: Vec3::X, ..light(LightKind::Omni, Vec3::Y * 1e-17) };
+        assert_eq!(element(&receiver, &red), Vec3::X * f32::MAX);
         let clamped = Light { clamp: 0.5, ..light(LightKind::Omni, Vec3::Y * 0.1) };
         let expected = 10.0 / 0.25 * 0.5 / std::f32::consts::PI;
         assert!((element(&floor(), &clamped).x - expected).abs() < 1e-4);

@@ -7,12 +7,12 @@ use std::f64::consts::{PI, TAU};
 
 /// The unit vector towards (u, v); u has period 1, v runs from 0 (up) to 1 (down).
 pub fn direction(u: f64, v: f64) -> DVec3 {
-    around(u, (PI * v).cos())
+    around(u, libm::cos(PI * v))
 }
 
 /// The unit vector towards longitude u whose height is `y` (-1 to 1).
 pub fn around(u: f64, y: f64) -> DVec3 {
-    let (sin, cos) = (TAU * (u - 0.5)).sin_cos();
+    let (sin, cos) = libm::sincos(TAU * (u - 0.5));
     let radius = (1.0 - y * y).max(0.0).sqrt();
     DVec3::new(radius * cos, y, radius * sin)
 }
@@ -20,8 +20,8 @@ pub fn around(u: f64, y: f64) -> DVec3 {
 /// Where the map shows `direction` (of any length above 0): u and v, both in 0..=1.
 pub fn uv(direction: DVec3) -> DVec2 {
     let d = direction.normalize_or(DVec3::Y);
-    let u = 0.5 + d.z.atan2(d.x) / TAU;
-    DVec2::new(u.clamp(0.0, 1.0), d.y.clamp(-1.0, 1.0).acos() / PI)
+    let u = 0.5 + libm::atan2(d.z, d.x) / TAU;
+    DVec2::new(u.clamp(0.0, 1.0), libm::acos(d.y.clamp(-1.0, 1.0)) / PI)
 }
 
 /// Solid angle of one texel of row `row` of a map of the given width and height, steradians. All
@@ -37,7 +37,7 @@ pub fn edge(row: usize, height: usize) -> f64 {
         0 => 1.0,
         twice if twice == height => 0.0,
         twice if twice == 2 * height => -1.0,
-        _ => (PI * row as f64 / height as f64).cos(),
+        _ => libm::cos(PI * row as f64 / height as f64),
     }
 }
 

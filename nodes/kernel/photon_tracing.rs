@@ -6,6 +6,7 @@ use super::surface_sampling::uniform;
 use crate::data::{LightKind, Lights};
 use crate::node::{Ctx, Error};
 use glam::Vec3;
+use libm::{cbrtf, cosf, sinf};
 use rayon::prelude::*;
 use std::f32::consts::{PI, TAU};
 
@@ -96,12 +97,12 @@ fn emit(light: &Light, [a, b, c]: [f32; 3], [d, ..]: [f32; 4], (centre, radius):
         LightKind::Spot => {
             let (inner, outer) = (light.cone.x, light.cone.y);
             let core = (1.0 - inner) / ((1.0 - inner) + (inner - outer) / 3.0).max(f32::MIN_POSITIVE);
-            let cosine = if d < core { 1.0 - (1.0 - inner) * a } else { outer + (inner - outer) * a.cbrt() };
+            let cosine = if d < core { 1.0 - (1.0 - inner) * a } else { outer + (inner - outer) * cbrtf(a) };
             (light.position, around(light.direction, cosine, azimuth))
         }
         LightKind::Directional => {
             let (u, v) = light.direction.any_orthonormal_pair();
-            let disc = (u * azimuth.cos() + v * azimuth.sin()) * (a.sqrt() * radius);
+            let disc = (u * cosf(azimuth) + v * sinf(azimuth)) * (a.sqrt() * radius);
             (centre + disc - light.direction * (radius * (1.0 + 1e-3 * c)), light.direction)
         }
     }
@@ -111,7 +112,7 @@ fn emit(light: &Light, [a, b, c]: [f32; 3], [d, ..]: [f32; 4], (centre, radius):
 fn around(axis: Vec3, cosine: f32, azimuth: f32) -> Vec3 {
     let (u, v) = axis.any_orthonormal_pair();
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    axis * cosine + (u * azimuth.cos() + v * azimuth.sin()) * sine
+    axis * cosine + (u * cosf(azimuth) + v * sinf(azimuth)) * sine
 }
 
 fn follow(

@@ -1,10 +1,10 @@
 //! Primary rays: what the camera sees through a point of the picture.
 
+use super::latlong;
 use super::stage::{Stage, Surface};
 use super::visibility::Hit;
 use crate::data::{Camera, Environment};
 use glam::{Vec2, Vec3};
-use std::f32::consts::{PI, TAU};
 
 /// A camera that takes a picture of a given size.
 pub struct Lens<'a> {
@@ -49,9 +49,8 @@ pub fn background(environment: &Environment, direction: Vec3) -> Vec3 {
     if width == 0 || height == 0 {
         return Vec3::ZERO;
     }
-    let u = 0.5 + direction.z.atan2(direction.x) / TAU;
-    let v = direction.y.clamp(-1.0, 1.0).acos() / PI;
-    let (x, y) = (u * width as f32 - 0.5, (v * height as f32 - 0.5).clamp(0.0, height as f32 - 1.0));
+    let at = latlong::uv(direction.as_dvec3()).as_vec2();
+    let (x, y) = (at.x * width as f32 - 0.5, (at.y * height as f32 - 0.5).clamp(0.0, height as f32 - 1.0));
     let (fx, fy) = (x - x.floor(), y - y.floor());
     let column = |dx: i64| (x.floor() as i64 + dx).rem_euclid(width as i64) as usize;
     let row = |dy: usize| (y.floor() as usize + dy).min(height - 1);

@@ -85,11 +85,11 @@ impl Daylight {
         if !(2.0..=10.0).contains(&turbidity) {
             return Err(format!("expected a turbidity from 2 to 10, found {turbidity}"));
         }
-        let (sin, cos) = elevation.to_radians().sin_cos();
-        let (azimuth_sin, azimuth_cos) = (azimuth % 360.0).to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(elevation.to_radians());
+        let (azimuth_sin, azimuth_cos) = libm::sincos((azimuth % 360.0).to_radians());
         let angle = (90.0 - elevation).to_radians();
         let chi = (4.0 / 9.0 - turbidity / 120.0) * (PI - 2.0 * angle);
-        let luminance = (4.0453 * turbidity - 4.9710) * chi.tan() - 0.2155 * turbidity + 2.4192;
+        let luminance = (4.0453 * turbidity - 4.9710) * libm::tan(chi) - 0.2155 * turbidity + 2.4192;
         let chromaticity = |rows: &[[f64; 4]; 3]| {
             let row = |r: &[f64; 4]| r.iter().fold(0.0, |sum, c| sum * angle + c);
             (row(&rows[0]) * turbidity + row(&rows[1])) * turbidity + row(&rows[2])
@@ -114,7 +114,7 @@ impl Daylight {
     /// Radiance of the sky, without the sun's disc, towards a unit vector, kcd/m^2 and not negative.
     /// Below the horizon it is that of the horizon.
     pub fn radiance(&self, towards: DVec3) -> Vec3 {
-        let gamma = towards.dot(self.sun).clamp(-1.0, 1.0).acos();
+        let gamma = libm::acos(towards.dot(self.sun).clamp(-1.0, 1.0));
         // The fit has 1/cos(theta); a quarter of a degree over the horizon stands for the horizon.
         let height = towards.y.max(0.004);
         let [luminance, x, y] =
@@ -126,7 +126,7 @@ impl Daylight {
     /// Irradiance that the whole disc of the sun causes on a surface facing it, klx and not negative.
     pub fn sun_irradiance(&self) -> Vec3 {
         let degrees = self.sun_zenith_angle.to_degrees();
-        let mass = 1.0 / (self.sun.y + 0.15 * (93.885 - degrees).powf(-1.253));
+        let mass = 1.0 / (self.sun.y + 0.15 * libm::pow(93.885 - degrees, -1.253));
         let aerosols = 0.04608 * self.turbidity - 0.04586;
         let sum: DVec3 = (0..=80)
             .map(|i| {
@@ -135,33 +135,33 @@ impl Daylight {
                 let at = f64::from(i) / 4.0;
                 let (below, part) = (at as usize, at.fract());
                 let ozone = OZONE[below] * (1.0 - part) + OZONE[(below + 1).min(20)] * part;
-                let depth = 0.008735 * micrometres.powf(-4.08)
-                    + aerosols * micrometres.powf(-1.3)
+                let depth = 0.008735 * libm::pow(micrometres, -4.08)
+                    + aerosols * libm::pow(micrometres, -1.3)
                     + 0.35 * ozone;
-                observer(nanometres) * black_body(nanometres) * (-depth * mass).exp() * 5.0
+                observer(nanometres) * black_body(nanometres) * libm::exp(-depth * mass) * 5.0
             })
             .sum();
-        let solid_angle = 2.0 * PI * (1.0 - (SUN_DIAMETER / 2.0).cos());
+        let solid_angle = 2.0 * PI * (1.0 - libm::cos(SUN_DIAMETER / 2.0));
         rec709(sum * (0.683 * solid_angle))
     }
 }
 
 /// Perez' distribution: `height` is the cosine to the zenith, `gamma` the angle to the sun.
 fn distribution(&[a, b, c, d, e]: &[f64; 5], height: f64, gamma: f64) -> f64 {
-    (1.0 + a * (b / height).exp()) * (1.0 + c * (d * gamma).exp() + e * gamma.cos() * gamma.cos())
+    (1.0 + a * libm::exp(b / height)) * (1.0 + c * libm::exp(d * gamma) + e * libm::cos(gamma) * libm::cos(gamma))
 }
 
 /// Spectral radiance of the sun's surface outside the atmosphere, W/(m^2 sr nm).
 fn black_body(nanometres: f64) -> f64 {
     let (first, second) = (1.191_043e20, 1.438_777e7);
-    first / (nanometres.powi(5) * ((second / (nanometres * 5778.0)).exp() - 1.0))
+    first / (nanometres.powi(5) * (libm::exp(second / (nanometres * 5778.0)) - 1.0))
 }
 
 /// The CIE 1931 observer: the sums of skewed Gaussians of Wyman, Sloan and Shirley 2013.
 fn observer(nanometres: f64) -> DVec3 {
     let lobe = |peak: f64, below: f64, above: f64| {
         let t = (nanometres - peak) / if nanometres < peak { below } else { above };
-        (-0.5 * t * t).exp()
+        libm::exp(-0.5 * t * t)
     };
     DVec3::new(
         1.056 * lobe(599.8, 37.9, 31.0) + 0.362 * lobe(442.0, 16.0, 26.7)
@@ -190,7 +190,7 @@ mod tests {
         let sky = Daylight::new([45.0, 0.0], 3.0).unwrap();
         let chi: f64 = (4.0 / 9.0 - 3.0 / 120.0) * PI / 2.0;
         let zenith = luminance(sky.radiance(DVec3::Y));
-        assert!((f64::from(zenith) - (7.1649 * chi.tan() + 1.7727)).abs() < 2e-3, "{zenith}");
+        assert!((f64::from(zenith) - (7.1649 * libm::tan(chi) + 1.7727)).abs() < 2e-3, "{zenith}");
     }
 
     #[test]

@@ -30,7 +30,9 @@ impl Clean {
         match (common.json, removed) {
             (true, Some(removed)) => println!("{}", removed_json(&removed)),
             (true, None) => println!("{}", usage_json(&usage)),
-            (false, Some(removed)) => println!("{}", removed_text(&removed, self.gc.then_some(usage.quota))),
+            (false, Some(removed)) => {
+                println!("{}", removed_text(&removed, self.gc.then_some(usage.quota)))
+            }
             (false, None) => print!("{}", usage_text(&usage, &common.cache.display().to_string())),
         }
         Ok(())
@@ -42,7 +44,9 @@ fn removed_text(removed: &Evicted, quota: Option<u64>) -> String {
     match (removed.blobs, quota) {
         (0, Some(quota)) => format!("{left} of {} used: nothing had to go", figures::bytes(quota)),
         (0, None) => "the cache was empty".into(),
-        (blobs, _) => format!("{blobs} blobs removed, {}; {left} left", figures::bytes(removed.bytes)),
+        (blobs, _) => {
+            format!("{blobs} blobs removed, {}; {left} left", figures::bytes(removed.bytes))
+        }
     }
 }
 
@@ -61,7 +65,10 @@ fn usage_text(usage: &Usage, folder: &str) -> String {
     for (kind, of) in kinds {
         let (size, time) = (figures::bytes(of.bytes), figures::duration(of.seconds));
         let (blobs, records) = (of.blobs, of.records);
-        let _ = writeln!(out, "  {kind:width$}  {size:>10}  {blobs:>5} blobs  {records:>5} records  {time} to make again");
+        let _ = writeln!(
+            out,
+            "  {kind:width$}  {size:>10}  {blobs:>5} blobs  {records:>5} records  {time} to make again"
+        );
     }
     let Usage { blobs, records, evicted, .. } = usage;
     let _ = writeln!(out, "  {blobs} blobs, {records} records, {evicted} of them of evicted blobs");
@@ -103,12 +110,18 @@ mod tests {
         let text = usage_text(&usage, "cache");
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].starts_with("cache: ") && lines[0].ends_with("of 20.0 GB used"), "{text}");
-        assert!(text.contains("Grey") && text.contains("3 blobs      3 records"), "{text}");
+        assert!(text.contains("Grey") && text.contains("6 blobs      6 records"), "{text}");
         let json = usage_json(&usage);
-        assert_eq!((&json["kinds"]["Grey"]["blobs"], &json["records"]), (&json!(3), &json!(usage.records)));
+        assert_eq!(
+            (&json["kinds"]["Grey"]["blobs"], &json["records"]),
+            (&json!(6), &json!(usage.records))
+        );
 
         let nothing = store.evict(&BTreeSet::new()).unwrap();
-        assert!(removed_text(&nothing, Some(usage.quota)).ends_with("of 20.0 GB used: nothing had to go"));
+        assert!(
+            removed_text(&nothing, Some(usage.quota))
+                .ends_with("of 20.0 GB used: nothing had to go")
+        );
         let removed = store.clear().unwrap();
         assert_eq!(removed_json(&removed)["removed_blobs"], usage.blobs);
         assert_eq!(store.usage().unwrap().blobs, 0);

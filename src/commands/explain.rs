@@ -1,8 +1,8 @@
 //! `explain`: why a node would run again, or when it last ran.
 
+use super::fates::blockers;
 use super::figures;
 use super::history::{Comparison, History, compare};
-use super::plan::blockers;
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
 use crate::engine::{Plan, Resolution, Status};
@@ -24,7 +24,7 @@ pub struct Explain {
 impl Explain {
     pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
         let session = Session::open(common, &self.graph, registry)?;
-        let explanation = Explanation::new(&session, registry, &self.node)?;
+        let explanation = Explanation::new(&session, &self.node)?;
         if common.json {
             println!("{}", explanation.json());
         } else {
@@ -67,18 +67,20 @@ struct Reused {
 }
 
 impl Explanation {
-    fn new(session: &Session, registry: &Registry, name: &str) -> Result<Explanation, Failure> {
+    fn new(session: &Session, name: &str) -> Result<Explanation, Failure> {
         let (graph, store) = (&session.graph, &session.store);
         let at = session.node(name)?;
-        let plan = session.plan(&[at], registry)?;
+        let plan = session.plan(&[at])?;
         let mut known = Resolution::new(graph, &plan);
         known.settle(graph, &plan, store)?;
         let node = &graph.nodes[at];
-        let own: Vec<usize> = (0..plan.executions.len()).filter(|&e| plan.executions[e].node == at).collect();
+        let own: Vec<usize> =
+            (0..plan.executions.len()).filter(|&e| plan.executions[e].node == at).collect();
         let first = |status| own.iter().copied().find(|&e| known.status[e] == status);
         let verdict = if let Some(e) = first(Status::Run) {
             let execution = &plan.executions[e];
-            let manifest = known.manifest[e].as_ref().map(|m| m.item(execution.items.start, &execution.items));
+            let manifest =
+                known.manifest[e].as_ref().map(|m| m.item(execution.items.start, &execution.items));
             let nearest = manifest.and_then(|manifest| {
                 let history = History::read(store, graph);
                 let record = history.nearest(node.kind, &node.name, &manifest)?.clone();
@@ -87,7 +89,8 @@ impl Explanation {
             });
             Verdict::Runs { which: which(node.runs, execution.run), nearest }
         } else if let Some(e) = first(Status::Waiting) {
-            let nodes = blockers(&plan, &known, e).iter().map(|&n| graph.nodes[n].name.clone()).collect();
+            let nodes =
+                blockers(&plan, &known, e).iter().map(|&n| graph.nodes[n].name.clone()).collect();
             Verdict::Waits { which: which(node.runs, plan.executions[e].run), nodes }
         } else {
             Verdict::Reused(Reused::new(session, &plan, &known, &own))
@@ -103,7 +106,9 @@ impl Explanation {
             (_, 1) => String::new(),
             (run, all) => format!(" ({run} of {all} executions)"),
         };
-        let comma = |which: &str| if which.is_empty() { String::new() } else { format!(", first for {which}") };
+        let comma = |which: &str| {
+            if which.is_empty() { String::new() } else { format!(", first for {which}") }
+        };
         let _ = match &self.verdict {
             Verdict::Reused(reused) => write!(out, "would be reused{}", reused.text()),
             Verdict::Runs { nearest: None, which } => {
@@ -116,7 +121,10 @@ impl Explanation {
             }
             Verdict::Waits { nodes, which } => {
                 let (nodes, which) = (nodes.join(", "), comma(which));
-                writeln!(out, "cannot be told yet{which}\n  {nodes} must run first; its result may be what it was")
+                writeln!(
+                    out,
+                    "cannot be told yet{which}\n  {nodes} must run first; its result may be what it was"
+                )
             }
         };
         out
@@ -142,7 +150,9 @@ impl Explanation {
                     })),
                 })
             }
-            Verdict::Waits { which, nodes } => json!({ "verdict": "maybe", "first": which, "waits_for": nodes }),
+            Verdict::Waits { which, nodes } => {
+                json!({ "verdict": "maybe", "first": which, "waits_for": nodes })
+            }
         };
         if let (Some(value), Value::Object(verdict)) = (value.as_object_mut(), verdict) {
             value.extend(verdict);
@@ -181,19 +191,26 @@ fn difference(record: &Record, comparison: &Comparison) -> String {
 impl Reused {
     fn new(session: &Session, plan: &Plan, known: &Resolution, own: &[usize]) -> Reused {
         let store = &session.store;
-        let mut all = Reused { made: 0, seconds: 0.0, bytes: 0, evicted: 0, items: 0, notes: Vec::new() };
+        let mut all =
+            Reused { made: 0, seconds: 0.0, bytes: 0, evicted: 0, items: 0, notes: Vec::new() };
         let mut seen = BTreeSet::new();
         for &e in own {
-            let (execution, Some(manifest)) = (&plan.executions[e], &known.manifest[e]) else { continue };
+            let (execution, Some(manifest)) = (&plan.executions[e], &known.manifest[e]) else {
+                continue;
+            };
             for item in execution.items.clone() {
-                let Some(record) = store.record(&key_of(&manifest.item(item, &execution.items))) else { continue };
+                let Some(record) = store.record(&key_of(&manifest.item(item, &execution.items)))
+                else {
+                    continue;
+                };
                 all.made = all.made.max(record.made);
                 all.items += 1;
                 all.evicted += usize::from(!store.blob_path(&record.output).exists());
                 // Each record of an execution has the seconds of all of it, and equal items are one blob.
                 if item == execution.items.start {
                     all.seconds += record.seconds.max(0.0);
-                    all.notes.extend(record.notes.into_iter().filter(|note| seen.insert(note.clone())));
+                    all.notes
+                        .extend(record.notes.into_iter().filter(|note| seen.insert(note.clone())));
                 }
                 all.bytes += record.bytes;
             }
@@ -211,7 +228,10 @@ impl Reused {
         );
         if self.evicted > 0 {
             let (evicted, items) = (self.evicted, self.items);
-            let _ = writeln!(out, "  {evicted} of {items} results were evicted and are made again for whoever needs them");
+            let _ = writeln!(
+                out,
+                "  {evicted} of {items} results were evicted and are made again for whoever needs them"
+            );
         }
         for note in &self.notes {
             let _ = writeln!(out, "  note: {note}");
@@ -227,5 +247,100 @@ pub fn which(axis: Axis, run: usize) -> String {
         Axis::Frames => format!("frame {run}"),
         Axis::Pairs => format!("pair {run}"),
         Axis::Chunks => format!("chunk {run}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Bench, told};
+    use super::*;
+
+    fn explain(bench: &Bench, set: &[&str], node: &str) -> Explanation {
+        Explanation::new(&bench.session(set), node).map_err(|f| told(&f)).unwrap()
+    }
+
+    #[test]
+    fn what_never_ran_and_what_waits() {
+        let bench = Bench::new();
+        assert_eq!(
+            explain(&bench, &[], "still").text(),
+            "still  Grey v1  would run: no Grey has run yet\n"
+        );
+        let text = explain(&bench, &[], "png").text();
+        assert_eq!(
+            text,
+            "png  Png v1  cannot be told yet, first for frame 0\n  frames must run first; its result may be what it was\n"
+        );
+        assert_eq!(explain(&bench, &[], "png").json()["waits_for"], json!(["frames"]));
+    }
+
+    #[test]
+    fn what_is_reused_has_a_date_and_notes() {
+        let bench = Bench::new();
+        bench.run(&[]);
+        let text = explain(&bench, &[], "grey").text();
+        assert!(text.starts_with("grey  Grey v1  would be reused\n  last run 20"), "{text}");
+        assert!(
+            text.contains(" UTC, 3 items, ") && text.ends_with("\n  note: one grey\n"),
+            "{text}"
+        );
+        let json = explain(&bench, &[], "grey").json();
+        assert_eq!(
+            (&json["verdict"], &json["items"], &json["evicted"]),
+            (&json!("hit"), &json!(3), &json!(0))
+        );
+    }
+
+    #[test]
+    fn what_differs_is_told_with_its_place() {
+        let bench = Bench::new();
+        bench.run(&[]);
+        let text = explain(&bench, &["grey.size=5"], "grey").text();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(
+            lines[0],
+            "grey  Grey v1  would run again (3 of 3 executions), first for frame 0, because:"
+        );
+        assert_eq!(lines[1], "    param size 4 -> 5  <--set>:1:11");
+        assert_eq!(lines[2], "  unchanged: level, round, time");
+        assert!(
+            lines[3].starts_with("  nearest record: ") && lines[3].contains(" of grey, 20"),
+            "{text}"
+        );
+
+        // Its own record is preferred to one of `grey`, and one of `grey` to nothing.
+        assert!(
+            explain(&bench, &["other.level=0.25", "other.size=6"], "other")
+                .text()
+                .contains("level 0.75 -> 0.25")
+        );
+        let still = explain(&bench, &[], "still").text();
+        assert!(
+            still.starts_with("still  Grey v1  would run, because:\n    param level "),
+            "{still}"
+        );
+        assert!(still.contains("input time ") && still.contains(".. -> none\n"), "{still}");
+    }
+
+    #[test]
+    fn another_input_names_its_node() {
+        let bench = Bench::new();
+        bench.run(&[]);
+        bench.run_nodes(&["level=0.5"], &["grey"]);
+        let text = explain(&bench, &["level=0.5"], "png").text();
+        assert!(
+            text.contains("first for frame 0, because:\n    input image ")
+                && text.contains("..  (grey)\n"),
+            "{text}"
+        );
+        let text = explain(&bench, &["level=0.5"], "compare").text();
+        assert!(text.contains(" (2 of 2 items)  (grey)\n  unchanged: reference\n"), "{text}");
+    }
+
+    #[test]
+    fn a_node_there_is_not_is_told_the_nearest() {
+        let bench = Bench::new();
+        let failure = Explanation::new(&bench.session(&[]), "gray").err().map(|f| told(&f));
+        assert_eq!(failure.unwrap(), "the graph has no node `gray`; did you mean `grey`?");
     }
 }

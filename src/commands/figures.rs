@@ -68,8 +68,16 @@ mod tests {
     #[test]
     fn sizes_have_three_digits() {
         let told = [0, 999, 1000, 9_994, 999_499, 999_500, 1_020_000_000, u64::MAX].map(bytes);
-        let expected =
-            ["0 bytes", "999 bytes", "1.00 kB", "9.99 kB", "999 kB", "1.00 MB", "1.02 GB", "18.4 EB"];
+        let expected = [
+            "0 bytes",
+            "999 bytes",
+            "1.00 kB",
+            "9.99 kB",
+            "999 kB",
+            "1.00 MB",
+            "1.02 GB",
+            "18.4 EB",
+        ];
         assert_eq!(told, expected);
     }
 
@@ -77,7 +85,14 @@ mod tests {
     fn durations_carry_over() {
         let told = [f64::NAN, 0.414, 9.999, 59.99, 370.0, 3599.7, 6600.0, 86_399.0, 273_600.0];
         let expected = [
-            "0 s", "0.41 s", "10.0 s", "1 min 0 s", "6 min 10 s", "1 h 0 min", "1 h 50 min", "1 d 0 h",
+            "0 s",
+            "0.41 s",
+            "10.0 s",
+            "1 min 0 s",
+            "6 min 10 s",
+            "1 h 0 min",
+            "1 h 50 min",
+            "1 d 0 h",
             "3 d 4 h",
         ];
         assert_eq!(told.map(duration), expected);

@@ -66,6 +66,9 @@ mod tests {
         assert_eq!(grey["inputs"], json!({ "time": ["frames"] }));
         assert_eq!((&grey["runs"], &grey["output"]), (&json!("frames"), &json!("Image")));
         assert_eq!(value["outputs"]["picture"], "png");
-        assert!(mermaid(&session.graph).contains("|time|") && dot(&session.graph).contains("label=\"time\""));
+        assert!(
+            mermaid(&session.graph).contains("|time|")
+                && dot(&session.graph).contains("label=\"time\"")
+        );
     }
 }

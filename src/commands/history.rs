@@ -61,7 +61,8 @@ impl Change {
     pub fn told(&self) -> String {
         let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "none".into());
         let subject = format!("{} {}", self.what, self.name);
-        let mut text = format!("{} {} -> {}", subject.trim_end(), value(&self.before), value(&self.after));
+        let mut text =
+            format!("{} {} -> {}", subject.trim_end(), value(&self.before), value(&self.after));
         if let Some(place) = &self.place {
             text += &format!("  {place}");
         }
@@ -81,7 +82,12 @@ pub struct Comparison {
 }
 
 /// Compares the `manifest` of one item that `execution` gives with that of a record of its kind.
-pub fn compare(graph: &Graph, execution: &Execution, record: &Record, manifest: &str) -> Comparison {
+pub fn compare(
+    graph: &Graph,
+    execution: &Execution,
+    record: &Record,
+    manifest: &str,
+) -> Comparison {
     let (before, after) = (lines(&record.manifest), lines(manifest));
     let changed = differing(&before, &after);
     let node = &graph.nodes[execution.node];
@@ -101,10 +107,19 @@ pub fn compare(graph: &Graph, execution: &Execution, record: &Record, manifest: 
             nodes: Vec::new(),
         };
         match what {
-            "param" => change.place = node.given.iter().find(|g| g.name == name).map(|g| g.span.place()),
-            "file" => [&mut change.before, &mut change.after].into_iter().flatten().for_each(|d| *d = short(d)),
+            "param" => {
+                change.place = node.given.iter().find(|g| g.name == name).map(|g| g.span.place())
+            }
+            "file" => [&mut change.before, &mut change.after]
+                .into_iter()
+                .flatten()
+                .for_each(|d| *d = short(d)),
             "input" => {
-                let places = execution.inputs.iter().find(|(port, _)| *port == name).map_or(&[][..], |(_, p)| p);
+                let places = execution
+                    .inputs
+                    .iter()
+                    .find(|(port, _)| *port == name)
+                    .map_or(&[][..], |(_, p)| p);
                 let node_of = |k: usize| places.get(k).map(|&(n, _)| graph.nodes[n].name.as_str());
                 tell_input(&mut change, node_of);
             }
@@ -126,7 +141,8 @@ fn tell_input<'g>(change: &mut Change, node_of: impl Fn(usize) -> Option<&'g str
         text.iter().flat_map(|t| t.split_whitespace()).map(str::to_owned).collect()
     };
     let (before, after) = (digests(&change.before), digests(&change.after));
-    let differ: Vec<usize> = (0..after.len()).filter(|&k| before.get(k) != after.get(k)).collect();
+    let differ: Vec<usize> =
+        (0..before.len().max(after.len())).filter(|&k| before.get(k) != after.get(k)).collect();
     for name in differ.iter().filter_map(|&k| node_of(k)) {
         if !change.nodes.iter().any(|n| n == name) {
             change.nodes.push(name.into());
@@ -175,4 +191,81 @@ fn differing<'a>(before: &Lines<'a>, after: &Lines<'a>) -> Vec<(&'a str, &'a str
     let changed = after.iter().filter(|(key, value)| find(before, *key) != Some(value));
     let gone = before.iter().filter(|(key, _)| find(after, *key).is_none());
     changed.chain(gone).map(|(key, _)| *key).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(name: &str, made: u64, manifest: &str) -> Record {
+        Record {
+            manifest: manifest.into(),
+            node: "Grey".into(),
+            name: name.into(),
+            output: Digest::of(b""),
+            bytes: 0,
+            seconds: 1.0,
+            peak_bytes: 0,
+            made,
+            version: String::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn the_nearest_has_the_name_then_few_changes_then_is_new() {
+        let old = record("a", 1, "kind Grey\nversion 1\nparam x = 1\nparam y = 1\n");
+        let far = record("a", 5, "kind Grey\nversion 1\nparam x = 2\nparam y = 2\n");
+        let new = record("a", 2, "kind Grey\nversion 1\nparam x = 2\nparam y = 1\n");
+        let other = record("b", 9, "kind Grey\nversion 1\nparam x = 3\nparam y = 1\n");
+        let all = vec![old, far.clone(), new.clone(), other.clone()];
+        let history = History(BTreeMap::from([("Grey".to_owned(), all)]));
+        let manifest = "kind Grey\nversion 1\nparam x = 3\nparam y = 1\n";
+        assert_eq!(history.nearest("Grey", "a", manifest), Some(&new));
+        assert_eq!(history.nearest("Grey", "c", manifest), Some(&other));
+        assert_eq!(history.nearest("Rows", "a", manifest), None);
+        assert_eq!(history.newest("Grey", "a"), Some(&far));
+    }
+
+    #[test]
+    fn lines_that_come_or_go_differ() {
+        let before = lines("kind Grey\nversion 1\nparam x = a = b\ninput gone = 1\nitem 0 of 2\n");
+        let after = lines("kind Grey\nversion 2\nparam x = a = b\ninput none =\nitem 0 of 2\n");
+        assert_eq!(
+            differing(&before, &after),
+            [("version", ""), ("input", "none"), ("input", "gone")]
+        );
+        assert_eq!(find(&after, ("param", "x")), Some("a = b"));
+        assert_eq!(find(&after, ("input", "none")), Some(""));
+    }
+
+    #[test]
+    fn inputs_tell_the_first_item_that_changed() {
+        let [a, b, c] = ["a", "b", "c"].map(|t| Digest::of(t.as_bytes()));
+        let told = |before: &str, after: &str| {
+            let mut change = Change {
+                what: "input".into(),
+                name: "lights".into(),
+                before: Some(before.into()),
+                after: Some(after.into()),
+                place: None,
+                nodes: Vec::new(),
+            };
+            tell_input(&mut change, |k| Some(["sun", "sky", "sky"][k]));
+            change.told()
+        };
+        let (sa, sb, sc) = (a.short(), b.short(), c.short());
+        assert_eq!(
+            told(&a.to_string(), &b.to_string()),
+            format!("input lights {sa}.. -> {sb}..  (sun)")
+        );
+        let (two, other) = (format!("{a} {b}"), format!("{a} {c}"));
+        assert_eq!(
+            told(&two, &other),
+            format!("input lights {sb}.. -> {sc}.. (1 of 2 items)  (sky)")
+        );
+        assert_eq!(told(&two, &format!("{a} {b} {c}")), "input lights 2 items -> 3 items  (sky)");
+        assert_eq!(told(&b.to_string(), ""), format!("input lights {sb}.. -> none  (sun)"));
+        assert_eq!(told("", &a.to_string()), format!("input lights none -> {sa}..  (sun)"));
+    }
 }

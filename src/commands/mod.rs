@@ -6,7 +6,10 @@
 mod check;
 mod clean;
 mod explain;
+mod fates;
+mod figures;
 mod graph;
+mod history;
 mod init;
 mod nodes;
 mod plan;
@@ -14,6 +17,8 @@ mod progress;
 mod run;
 mod session;
 mod show;
+#[cfg(test)]
+mod tests;
 
 pub use session::{Failure, Session};
 
@@ -88,7 +93,7 @@ pub fn main(registry: Registry) -> ExitCode {
         Command::Plan(c) => c.run(common, &registry),
         Command::Explain(c) => c.run(common, &registry),
         Command::Nodes(c) => c.run(common, &registry),
-        Command::Graph(c) => c.run(&registry),
+        Command::Graph(c) => c.run(common, &registry),
         Command::Show(c) => c.run(common, &registry),
         Command::Init(c) => c.run(common, &registry),
         Command::Clean(c) => c.run(common),

@@ -1,15 +1,13 @@
 //! `plan`: what a run would do, without running anything.
 
+use super::fates::{Fate, Shelf, blockers, fates};
 use super::figures;
 use super::history::{History, compare};
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
-use crate::engine::{Execution, Plan as Executions, Resolution, Status};
+use crate::engine::{Resolution, Status};
 use crate::registry::Registry;
-use crate::store::Store;
-use lightloom_nodes::node::Digest;
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 #[derive(clap::Args)]
@@ -21,7 +19,7 @@ pub struct Plan {
 impl Plan {
     pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
         let session = Session::open(common, &self.graph, registry)?;
-        let forecast = Forecast::new(&session, registry)?;
+        let forecast = Forecast::new(&session)?;
         if common.json {
             println!("{}", forecast.json());
         } else {
@@ -29,17 +27,6 @@ impl Plan {
         }
         Ok(())
     }
-}
-
-/// What would become of an execution.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Fate {
-    /// It is reused.
-    Hit,
-    /// It runs.
-    Run,
-    /// It runs unless what runs before it gives what it gave before.
-    Maybe,
 }
 
 /// One node's part of a run to come.
@@ -94,17 +81,19 @@ struct Forecast {
 }
 
 impl Forecast {
-    fn new(session: &Session, registry: &Registry) -> Result<Forecast, Failure> {
+    fn new(session: &Session) -> Result<Forecast, Failure> {
         let (graph, store) = (&session.graph, &session.store);
         let wanted = session.outputs();
-        let plan = session.plan(&wanted, registry)?;
+        let plan = session.plan(&wanted)?;
         let mut known = Resolution::new(graph, &plan);
         known.settle(graph, &plan, store)?;
         let shelf = Shelf { store, plan: &plan, known: &known };
         let fates = fates(&shelf, &wanted);
         let history = History::read(store, graph);
         let usage = store.usage()?;
-        let rows = (0..graph.nodes.len()).filter_map(|n| row(session, &shelf, &history, &fates, n)).collect();
+        let rows = (0..graph.nodes.len())
+            .filter_map(|n| row(session, &shelf, &history, &fates, n))
+            .collect();
         let needed = graph.needed(&wanted);
         let idle = graph.nodes.iter().zip(needed).filter(|(_, needed)| !needed);
         Ok(Forecast {
@@ -120,7 +109,8 @@ impl Forecast {
     fn totals(&self) -> ([f64; 2], u64, bool) {
         let seconds = [0, 1].map(|k| self.rows.iter().filter_map(|r| r.seconds[k]).sum());
         let bytes = self.rows.iter().filter_map(|r| r.bytes).sum();
-        let known = self.rows.iter().all(|r| r.bytes.is_some() && r.seconds.iter().all(Option::is_some));
+        let known =
+            self.rows.iter().all(|r| r.bytes.is_some() && r.seconds.iter().all(Option::is_some));
         (seconds, bytes, known)
     }
 
@@ -142,8 +132,14 @@ impl Forecast {
                 Fate::Run => ("run", row.seconds[0]),
                 _ => ("maybe", row.seconds[1]),
             };
-            let time = seconds.map_or("time unknown".into(), |s| format!("~{}", figures::duration(s)));
-            let _ = writeln!(out, "  {word:5}  {:width$}  {:reasons$}  {time}", row.label(), row.reason);
+            let time =
+                seconds.map_or("time unknown".into(), |s| format!("~{}", figures::duration(s)));
+            let _ = writeln!(
+                out,
+                "  {word:5}  {:width$}  {:reasons$}  {time}",
+                row.label(),
+                row.reason
+            );
         }
         if !self.idle.is_empty() {
             let _ = writeln!(out, "  idle   {}: no output needs it", self.idle.join(", "));
@@ -151,25 +147,30 @@ impl Forecast {
         let count = |fate| self.rows.iter().filter(|r| r.fate() == fate).count();
         let (seconds, bytes, known) = self.totals();
         let (run, maybe, all) = (count(Fate::Run), count(Fate::Maybe), self.rows.len());
-        let at_least = if known { "about" } else { "at least" };
-        let _ = match (run, maybe) {
-            (0, 0) => write!(out, "All {all} nodes are reused"),
-            (run, 0) => {
-                write!(out, "{run} of {all} nodes, {at_least} {}", figures::duration(seconds[0]))
-            }
-            (run, maybe) => {
-                let (sure, more) = (figures::duration(seconds[0]), figures::duration(seconds[1]));
-                write!(out, "{run} of {all} nodes, {at_least} {sure}; perhaps {maybe} more, {more}")
+        let about = match (known, seconds[0] + seconds[1]) {
+            (true, _) => "about ",
+            (false, 0.0) => "time unknown",
+            _ => "at least ",
+        };
+        let time = match seconds {
+            [0.0, 0.0] if !known => String::new(),
+            [sure, 0.0] => figures::duration(sure),
+            [sure, more] => {
+                format!("{} to {}", figures::duration(sure), figures::duration(sure + more))
             }
         };
-        let _ = writeln!(
-            out,
-            "; +{}, {} reused ({} of {} used). Nothing was run.",
-            figures::bytes(bytes),
-            figures::bytes(self.reused),
-            figures::bytes(self.used),
-            figures::bytes(self.quota)
-        );
+        let _ = match (run, maybe) {
+            (0, 0) => write!(out, "All {all} nodes are reused"),
+            (run, 0) => write!(out, "{run} of {all} nodes, {about}{time}"),
+            (run, maybe) => {
+                write!(out, "{run} of {all} nodes, perhaps {maybe} more, {about}{time}")
+            }
+        };
+        if bytes > 0 {
+            let _ = write!(out, ", +{}", figures::bytes(bytes));
+        }
+        let [reused, used, quota] = [self.reused, self.used, self.quota].map(figures::bytes);
+        let _ = writeln!(out, "; {reused} reused, {used} of {quota} used. Nothing was run.");
         out
     }
 
@@ -192,11 +193,19 @@ impl Forecast {
 }
 
 /// What would become of node `n`; none when no output needs it.
-fn row(session: &Session, shelf: &Shelf<'_>, history: &History, fates: &[Fate], n: usize) -> Option<Row> {
+fn row(
+    session: &Session,
+    shelf: &Shelf<'_>,
+    history: &History,
+    fates: &[Fate],
+    n: usize,
+) -> Option<Row> {
     let node = &session.graph.nodes[n];
     let executions = &shelf.plan.executions;
-    let of = |fate: Fate| (0..fates.len()).filter(move |&e| executions[e].node == n && fates[e] == fate);
-    let items = [Fate::Hit, Fate::Run, Fate::Maybe].map(|f| of(f).map(|e| executions[e].items.len()).sum());
+    let of =
+        |fate: Fate| (0..fates.len()).filter(move |&e| executions[e].node == n && fates[e] == fate);
+    let items =
+        [Fate::Hit, Fate::Run, Fate::Maybe].map(|f| of(f).map(|e| executions[e].items.len()).sum());
     if items == [0; 3] {
         return None;
     }
@@ -219,78 +228,13 @@ fn lines_of(names: impl Iterator<Item = String>) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for name in names {
         match lines.last_mut() {
-            Some(line) if line.chars().count() + name.chars().count() < 80 => *line += &format!(" {name}"),
+            Some(line) if line.chars().count() + name.chars().count() < 80 => {
+                *line += &format!(" {name}")
+            }
             _ => lines.push(name),
         }
     }
     lines
-}
-
-/// What the cache has for the executions of a plan.
-struct Shelf<'a> {
-    store: &'a Store,
-    plan: &'a Executions,
-    known: &'a Resolution,
-}
-
-impl Shelf<'_> {
-    fn blobs<'e>(&'e self, execution: &'e Execution) -> impl Iterator<Item = (Digest, u64)> + 'e {
-        let held = execution.items.clone().filter_map(|item| self.known.held[execution.node][item]);
-        held.map(|held| (held.digest, held.bytes))
-    }
-
-    /// Whether a blob that a record names is no longer there.
-    fn evicted(&self, e: usize) -> bool {
-        let there = |digest: &Digest, bytes: u64| {
-            std::fs::metadata(self.store.blob_path(digest)).is_ok_and(|meta| meta.len() == bytes)
-        };
-        self.blobs(&self.plan.executions[e]).any(|(digest, bytes)| !there(&digest, bytes))
-    }
-
-    /// The executions that give what an execution takes.
-    fn givers(&self, e: usize) -> impl Iterator<Item = usize> + '_ {
-        let places = self.plan.executions[e].inputs.iter().flat_map(|(_, places)| places);
-        places.map(|&(node, item)| self.plan.giver[node][item])
-    }
-
-    /// Bytes of the blobs that are reused, each counted once.
-    fn bytes(&self, fates: &[Fate]) -> u64 {
-        let hits = (0..fates.len()).filter(|&e| fates[e] == Fate::Hit);
-        let blobs: BTreeMap<Digest, u64> = hits.flat_map(|e| self.blobs(&self.plan.executions[e])).collect();
-        let there = |digest: &Digest| self.store.blob_path(digest).exists();
-        blobs.iter().filter(|(digest, _)| there(digest)).map(|(_, bytes)| bytes).sum()
-    }
-}
-
-/// What would become of every execution: as the records say, and what was evicted is made again for whoever needs it.
-fn fates(shelf: &Shelf<'_>, wanted: &[usize]) -> Vec<Fate> {
-    let mut fates: Vec<Fate> = shelf
-        .known
-        .status
-        .iter()
-        .map(|status| match status {
-            Status::Hit | Status::Done => Fate::Hit,
-            Status::Run => Fate::Run,
-            Status::Waiting => Fate::Maybe,
-        })
-        .collect();
-    let evicted: Vec<bool> = (0..fates.len()).map(|e| fates[e] == Fate::Hit && shelf.evicted(e)).collect();
-    let published: BTreeSet<usize> = wanted.iter().flat_map(|&node| shelf.plan.giver[node].iter().copied()).collect();
-    let mut changed: Vec<usize> = (0..fates.len()).filter(|&e| fates[e] != Fate::Hit).collect();
-    for e in published.into_iter().filter(|&e| evicted[e]) {
-        fates[e] = Fate::Run;
-        changed.push(e);
-    }
-    while let Some(e) = changed.pop() {
-        for giver in shelf.givers(e).filter(|&g| evicted[g]) {
-            let surer = fates[giver] == Fate::Hit || (fates[giver], fates[e]) == (Fate::Maybe, Fate::Run);
-            if surer {
-                fates[giver] = fates[e];
-                changed.push(giver);
-            }
-        }
-    }
-    fates
 }
 
 /// Why an execution runs, in a few words.
@@ -303,11 +247,14 @@ fn reason(session: &Session, shelf: &Shelf<'_>, history: &History, e: usize, fat
         return format!("its result was evicted{when}");
     }
     let Some(manifest) = &shelf.known.manifest[e] else {
-        let names: Vec<&str> = blockers(shelf.plan, shelf.known, e).iter().map(|&n| &*graph.nodes[n].name).collect();
+        let names: Vec<&str> =
+            blockers(shelf.plan, shelf.known, e).iter().map(|&n| &*graph.nodes[n].name).collect();
         return format!("after {}", names.join(", "));
     };
     let manifest = manifest.item(execution.items.start, &execution.items);
-    let Some(record) = history.nearest(node.kind, &node.name, &manifest) else { return "never run".into() };
+    let Some(record) = history.nearest(node.kind, &node.name, &manifest) else {
+        return "never run".into();
+    };
     if record.name != node.name {
         return "never run".into();
     }
@@ -319,22 +266,122 @@ fn reason(session: &Session, shelf: &Shelf<'_>, history: &History, e: usize, fat
     }
 }
 
-/// The nodes that must run before it can be told whether an execution must, in the order of the graph.
-pub fn blockers(plan: &Executions, known: &Resolution, e: usize) -> BTreeSet<usize> {
-    let mut seen = BTreeSet::from([e]);
-    let mut open = vec![e];
-    let mut found = BTreeSet::new();
-    while let Some(e) = open.pop() {
-        for &(node, item) in plan.executions[e].inputs.iter().flat_map(|(_, places)| places) {
-            let giver = plan.giver[node][item];
-            match known.status[giver] {
-                Status::Run => {
-                    found.insert(node);
-                }
-                Status::Waiting if seen.insert(giver) => open.push(giver),
-                _ => {}
-            }
-        }
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Bench, told};
+    use super::*;
+
+    fn forecast(bench: &Bench, set: &[&str]) -> Forecast {
+        Forecast::new(&bench.session(set)).map_err(|f| told(&f)).unwrap()
     }
-    found
+
+    fn fates_of(forecast: &Forecast) -> String {
+        let row = |r: &Row| format!("{:?} {}", r.fate(), r.label());
+        forecast.rows.iter().map(row).collect::<Vec<_>>().join(", ")
+    }
+
+    #[test]
+    fn before_and_after_a_run() {
+        let bench = Bench::new();
+        let before = forecast(&bench, &[]);
+        assert_eq!(
+            fates_of(&before),
+            "Run frames[3], Maybe grey[3], Maybe other[3], Maybe png[3], Maybe compare[2]"
+        );
+        let text = before.text();
+        assert!(text.contains("maybe  png[3]      after frames  time unknown\n"), "{text}");
+        assert!(text.contains("idle   still: no output needs it"), "{text}");
+        assert!(
+            text.contains(
+                "1 of 5 nodes, perhaps 4 more, time unknown; 0 bytes reused, 0 bytes of 20.0 GB"
+            ),
+            "{text}"
+        );
+
+        let summary = bench.run(&[]);
+        assert_eq!(summary.ran(), (12, 12));
+        let after = forecast(&bench, &[]);
+        assert!(after.rows.iter().all(|r| r.fate() == Fate::Hit), "{}", fates_of(&after));
+        let text = after.text();
+        assert!(
+            text.starts_with("  hit    frames[3] grey[3] other[3] png[3] compare[2]\n"),
+            "{text}"
+        );
+        assert!(text.contains("All 5 nodes are reused; "), "{text}");
+        assert!(text.ends_with(" used). Nothing was run.\n"), "{text}");
+        assert_eq!(after.reused, after.used);
+        assert_eq!(bench.run(&[]).ran().0, 0);
+    }
+
+    #[test]
+    fn a_change_runs_a_node_and_perhaps_what_follows() {
+        let bench = Bench::new();
+        bench.run(&[]);
+        let changed = forecast(&bench, &["level=0.5"]);
+        assert_eq!(
+            fates_of(&changed),
+            "Hit frames[3], Run grey[3], Hit other[3], Maybe png[3], Maybe compare[2]"
+        );
+        let text = changed.text();
+        assert!(
+            text.contains("run    grey[3]     param level 0.25 -> 0.5  <--set>:1:7  ~"),
+            "{text}"
+        );
+        assert!(text.contains("maybe  png[3]      after grey "), "{text}");
+        let json = changed.json();
+        let grey = json["nodes"].as_array().unwrap().iter().find(|n| n["name"] == "grey").unwrap();
+        assert_eq!((&grey["fate"], &grey["items"]["run"]), (&json!("run"), &json!(3)));
+        assert_eq!(json["estimates_complete"], true);
+        // 3 greys and 3 pictures, and 2 comparisons.
+        let bytes =
+            |name: &str| changed.rows.iter().find(|r| r.name == name).unwrap().bytes.unwrap();
+        assert_eq!(changed.totals().1, bytes("grey") + bytes("png") + bytes("compare"));
+    }
+
+    #[test]
+    fn what_was_evicted_runs_where_it_is_needed() {
+        let bench = Bench::new();
+        bench.run(&[]);
+        let remove = |name: &str| {
+            let session = bench.session(&[]);
+            let records: Vec<_> = session.store.records().filter(|(_, r)| r.name == name).collect();
+            records.iter().for_each(|(_, r)| {
+                std::fs::remove_file(session.store.blob_path(&r.output)).unwrap()
+            });
+        };
+        // Nobody reads the greys while the pictures are there.
+        remove("grey");
+        assert!(forecast(&bench, &[]).rows.iter().all(|r| r.fate() == Fate::Hit));
+        remove("png");
+        let both = forecast(&bench, &[]);
+        assert_eq!(
+            fates_of(&both),
+            "Hit frames[3], Run grey[3], Hit other[3], Run png[3], Hit compare[2]"
+        );
+        assert!(both.text().contains("its result was evicted"));
+        let summary = bench.run(&[]);
+        assert_eq!(summary.nodes_that_ran(), ["grey", "png"]);
+    }
+
+    #[test]
+    fn what_is_evicted_may_be_needed() {
+        let bench = Bench::new();
+        bench.run(&[]);
+        let session = bench.session(&[]);
+        for (_, record) in session.store.records().filter(|(_, r)| r.name == "other") {
+            std::fs::remove_file(session.store.blob_path(&record.output)).unwrap();
+        }
+        let changed = forecast(&bench, &["level=0.5"]);
+        assert_eq!(
+            fates_of(&changed),
+            "Hit frames[3], Run grey[3], Maybe other[3], Maybe png[3], Maybe compare[2]"
+        );
+        assert!(changed.text().contains("evicted, made again if it is needed"));
+    }
+
+    #[test]
+    fn long_lists_are_broken() {
+        let lines = lines_of((0..30).map(|k| format!("node{k:02}")));
+        assert_eq!(lines.iter().map(|l| l.split(' ').count()).collect::<Vec<_>>(), [11, 11, 8]);
+    }
 }

@@ -41,7 +41,7 @@ impl Run {
             built.map_err(|e| Failure::Usage(format!("--threads: {e}")))?;
         }
         let wanted = session.outputs();
-        let plan = session.plan(&wanted, registry)?;
+        let plan = session.plan(&wanted)?;
         let options = Options {
             jobs: self.jobs.into(),
             memory: (self.memory.max(0.0) * 1e9) as u64,

@@ -5,7 +5,6 @@ use crate::engine::{EngineError, Plan};
 use crate::graph::{Diagnostic, Graph, Override};
 use crate::registry::Registry;
 use crate::store::{Store, StoreError};
-use lightloom_nodes::node::Cardinality;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -112,13 +111,8 @@ impl Session {
     }
 
     /// The executions that the nodes at `wanted` need.
-    pub fn plan(&self, wanted: &[usize], registry: &Registry) -> Result<Plan, Failure> {
-        let cardinality = |node: usize, port: &str| {
-            let ports = registry.get(self.graph.nodes[node].kind).map(|t| &t.ports);
-            let found = ports.and_then(|ports| ports.iter().find(|p| p.name == port));
-            found.map_or(Cardinality::One, |p| p.cardinality)
-        };
-        Plan::new(&self.graph, wanted, cardinality, &self.store).map_err(|e| Failure::Usage(e.to_string()))
+    pub fn plan(&self, wanted: &[usize]) -> Result<Plan, Failure> {
+        Plan::new(&self.graph, wanted, &self.store).map_err(|e| Failure::Usage(e.to_string()))
     }
 
     /// The nodes whose results are published.

@@ -77,17 +77,17 @@ impl Plan {
     ///
     /// # Errors
     /// When the node that makes the sequence fails.
-    pub fn new(graph: &Graph, wanted: &[usize], registry_cardinality: impl Fn(usize, &str) -> Cardinality, store: &Arc<Store>) -> Result<Plan, Error> {
+    pub fn new(graph: &Graph, wanted: &[usize], store: &Arc<Store>) -> Result<Plan, Error> {
         let needed = graph.needed(wanted);
         let shot = shot(graph, store)?;
         let mut executions = Vec::new();
         for (n, node) in graph.nodes.iter().enumerate().filter(|(n, _)| needed[*n]) {
             for run in 0..shot.len(node.runs) {
-                let bound = |port: &'static str, from: &[usize]| {
-                    let cardinality = registry_cardinality(n, port);
-                    from.iter().flat_map(|&f| bind(shot, graph, cardinality, f, node.runs, run)).collect()
+                let bound = |((port, from), cardinality): (&(&'static str, Vec<usize>), &Cardinality)| {
+                    let places = from.iter().flat_map(|&f| bind(shot, graph, *cardinality, f, node.runs, run));
+                    (*port, places.collect())
                 };
-                let inputs = node.inputs.iter().map(|(port, from)| (*port, bound(port, from))).collect();
+                let inputs = node.inputs.iter().zip(&node.cardinality).map(bound).collect();
                 let items = match (node.runs, node.axis) {
                     (Axis::Chunks, Axis::Frames) => shot.frames_of(run),
                     (Axis::Single, Axis::Frames) => 0..shot.frames,

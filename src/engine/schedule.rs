@@ -58,6 +58,7 @@ pub fn run(
         running: BTreeSet::new(),
         memory: 0,
         failure: None,
+        stopped: false,
         nodes: summaries(graph, plan),
         checked: vec![false; plan.executions.len()],
     };
@@ -70,6 +71,9 @@ pub fn run(
         }
     });
     let mut state = shared.state.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+    if state.stopped {
+        options.cancelled.store(false, Ordering::Relaxed);
+    }
     if let Some(failure) = state.failure.take() {
         return Err(failure);
     }
@@ -95,6 +99,8 @@ struct State {
     /// Their estimates, added up.
     memory: u64,
     failure: Option<EngineError>,
+    /// Whether a failure, and not the caller, set the flag that stops the run.
+    stopped: bool,
     nodes: Vec<NodeSummary>,
     /// Executions whose input blobs were all seen in the cache.
     checked: Vec<bool>,
@@ -268,7 +274,7 @@ impl Shared<'_> {
             }
             Err(error) => {
                 // The first failure stops the rest; what only stopped because of it says nothing new.
-                self.options.cancelled.store(true, Ordering::Relaxed);
+                state.stopped |= !self.options.cancelled.swap(true, Ordering::Relaxed);
                 if matches!(state.failure, None | Some(EngineError::Cancelled)) {
                     state.failure = Some(error);
                 }

@@ -35,6 +35,7 @@ pub use edit::{set_value, set_variable};
 pub use set::Override;
 
 use crate::registry::{AnyNode, Registry};
+use lightloom_nodes::node::Cardinality;
 use file::{Sections, Variables, nearest_node};
 use nodes::Draft;
 use set::Setting;
@@ -83,6 +84,8 @@ pub struct GraphNode {
     pub node: Box<dyn AnyNode>,
     /// The ports that are bound, in the order of the type, with the places of their nodes in [`Graph::nodes`].
     pub inputs: Vec<(&'static str, Vec<usize>)>,
+    /// How many artifacts each of those ports takes.
+    pub cardinality: Vec<Cardinality>,
     /// One run for each of these.
     pub runs: Axis,
     /// One item of its output for each of these.
@@ -203,7 +206,8 @@ fn read(
     for (k, &node) in order.iter().enumerate() {
         place[node] = k;
     }
-    let linked: Vec<Vec<(&'static str, Vec<usize>)>> = drafts
+    type Linked = ((&'static str, Vec<usize>), Cardinality);
+    let linked: Vec<Vec<Linked>> = drafts
         .iter()
         .map(|draft| {
             let bound =
@@ -211,7 +215,7 @@ fn read(
             let find = |links: &[nodes::Link]| {
                 links.iter().filter_map(|l| wiring.find(&l.name)).map(|n| place[n]).collect()
             };
-            bound.map(|(port, links)| (port.name, find(links))).collect()
+            bound.map(|(port, links)| ((port.name, find(links)), port.cardinality)).collect()
         })
         .collect();
     let mut nodes: Vec<(usize, GraphNode)> = Vec::with_capacity(drafts.len());
@@ -219,6 +223,7 @@ fn read(
         let (made, axes) = (draft.made?, axes[k]?);
         let (kind, mut node) = (made.kind, made.node);
         node.resolve(folder);
+        let (inputs, cardinality) = inputs.into_iter().unzip();
         let node = GraphNode {
             name: draft.name,
             kind: kind.kind,
@@ -226,6 +231,7 @@ fn read(
             output: kind.output,
             node,
             inputs,
+            cardinality,
             runs: axes.runs,
             axis: axes.axis,
             given: made.given,

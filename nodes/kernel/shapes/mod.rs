@@ -64,7 +64,7 @@ impl Mesh {
         for (face, triangle) in solid.triangle.iter().enumerate() {
             triangle.iter().for_each(|&v| around[v as usize].push(face));
         }
-        let least = crease.to_radians().cos();
+        let least = libm::cosf(crease.to_radians());
         let mut made: Vec<Vec<(Vec3, u32)>> = vec![Vec::new(); solid.position.len()];
         for (face, triangle) in solid.triangle.iter().enumerate() {
             let corners = triangle.map(|v| {

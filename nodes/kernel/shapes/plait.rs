@@ -17,7 +17,7 @@ pub fn plaited_trefoil(strand: usize, t: f32) -> [Vec3; 3] {
     let point = |t: f32| {
         let [centre, out, side] = trefoil(t);
         let phase = TAU * (CROSSINGS * t + strand as f32 / 3.0);
-        centre + side * (SWING[0] * phase.sin()) + out * (SWING[1] * (2.0 * phase).sin())
+        centre + side * (SWING[0] * libm::sinf(phase)) + out * (SWING[1] * libm::sinf(2.0 * phase))
     };
     let along = (point(t + 1e-3) - point(t - 1e-3)).normalize();
     let out = trefoil(t)[1].reject_from_normalized(along).normalize();
@@ -27,7 +27,7 @@ pub fn plaited_trefoil(strand: usize, t: f32) -> [Vec3; 3] {
 /// The knot that winds twice about the axis and three times about the tube: its point, the torus'
 /// normal there, and the direction square to that and to the knot.
 fn trefoil(t: f32) -> [Vec3; 3] {
-    let ((sin, cos), (lift, reach)) = ((2.0 * TAU * t).sin_cos(), (3.0 * TAU * t).sin_cos());
+    let ((sin, cos), (lift, reach)) = (libm::sincosf(2.0 * TAU * t), libm::sincosf(3.0 * TAU * t));
     let [major, minor] = TORUS;
     let (around, radial) = (Vec3::new(-sin, cos, 0.0), Vec3::new(cos, sin, 0.0));
     let out = radial * reach + Vec3::Z * lift;

@@ -1,0 +1,6 @@
+//! All integration tests, one binary.
+
+mod cli;
+mod engine;
+mod graphs;
+mod workspace;
