@@ -32,7 +32,7 @@ fn near(found: Vec3, expected: DVec3, tolerance: f64, what: &str) {
 }
 
 /// Every pixel of the plane lit by one light, against its irradiance.
-fn check_plane(light: Light, irradiance: impl Fn(DVec3) -> f64) {
+fn check_plane(light: Light, tolerance: f64, irradiance: impl Fn(DVec3) -> f64) {
     let image = over_plane().reference(&lights(&[light]));
     let mut brightest = 0.0_f64;
     for y in 0..SIZE[1] {
@@ -41,7 +41,7 @@ fn check_plane(light: Light, irradiance: impl Fn(DVec3) -> f64) {
             brightest = brightest.max(expected);
             let radiance = (ALBEDO * light.emission).as_dvec3() / PI * expected;
             let found = image.radiance[(y * SIZE[0] + x) as usize];
-            near(found, radiance, 1e-4, &format!("pixel {x}, {y}"));
+            near(found, radiance, tolerance, &format!("pixel {x}, {y}"));
         }
     }
     assert!(brightest > 0.0);
@@ -51,7 +51,7 @@ fn check_plane(light: Light, irradiance: impl Fn(DVec3) -> f64) {
 fn a_point_light_falls_off_with_the_square() {
     let place = DVec3::new(0.7, 1.3, -0.4);
     let light = lamp(LightKind::Omni, place.as_vec3(), Vec3::Y, Vec3::new(3.0, 2.0, 1.0));
-    check_plane(light, |p| {
+    check_plane(light, 1e-4, |p| {
         let to = place - p;
         to.y / to.length().powi(3)
     });
@@ -71,7 +71,8 @@ fn a_spot_falls_off_between_its_cones() {
         }
     }
     assert!(inside > 3 && between > 3 && outside > 3, "{inside} {between} {outside}");
-    check_plane(light, |p| {
+    // At the outer cone the ramp is the square of a small difference of cosines.
+    check_plane(light, 5e-3, |p| {
         let to = place - p;
         let ramp = ((-to.normalize().dot(axis) - 0.8) / 0.15).clamp(0.0, 1.0);
         ramp * ramp * to.y / to.length().powi(3)
@@ -82,7 +83,7 @@ fn a_spot_falls_off_between_its_cones() {
 fn parallel_rays_fall_with_the_cosine() {
     let along = DVec3::new(0.4, -0.7, 0.2).normalize();
     let light = lamp(LightKind::Directional, Vec3::ZERO, along.as_vec3(), Vec3::new(2.0, 1.0, 4.0));
-    check_plane(light, |_| -along.y);
+    check_plane(light, 1e-4, |_| -along.y);
 }
 
 /// Irradiance under unit radiance from a polygon, at a point with a normal (Lambert).

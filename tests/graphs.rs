@@ -9,9 +9,12 @@ use std::fs;
 fn smaller(workspace: &Workspace) -> Vec<String> {
     let graph = workspace.graph(&[]);
     let has = |name: &str| graph.vars.iter().any(|v| v.name == name);
-    let vars = [("size", "(64, 36)"), ("lights", "256"), ("last", "1")];
-    let mut set: Vec<String> =
-        vars.iter().filter(|(name, _)| has(name)).map(|(name, value)| format!("{name}={value}")).collect();
+    let vars = [("size", "(64, 36)"), ("lights", "256"), ("last", "1"), ("still", "1")];
+    let mut set: Vec<String> = vars
+        .iter()
+        .filter(|(name, _)| has(name))
+        .map(|(name, value)| format!("{name}={value}"))
+        .collect();
     for node in &graph.nodes {
         let fewer = match node.kind {
             "EnvironmentLights" => "count=128",
@@ -33,7 +36,11 @@ fn finite_and_lit(ran: &Ran, name: &str) {
         for item in (0..ran.known.held[n].len()).filter(|&item| ran.known.held[n][item].is_some()) {
             let image: Image = ran.artifact(&node.name, item);
             assert_eq!(image.size(), (64, 36), "{name}: {} {item}", node.name);
-            assert!(image.radiance.iter().all(|p| p.is_finite()), "{name}: {} {item} is not finite", node.name);
+            assert!(
+                image.radiance.iter().all(|p| p.is_finite()),
+                "{name}: {} {item} is not finite",
+                node.name
+            );
             let sum: f64 = image.radiance.iter().map(|p| f64::from(p.element_sum())).sum();
             assert!(sum > 1.0, "{name}: {} {item} is black, its sum is {sum}", node.name);
             images += 1;
@@ -44,7 +51,8 @@ fn finite_and_lit(ran: &Ran, name: &str) {
 
 #[test]
 fn every_graph_runs_and_gives_light() {
-    let mut files: Vec<_> = fs::read_dir(graphs()).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<_> =
+        fs::read_dir(graphs()).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.retain(|path| path.extension().is_some_and(|e| e == "ron"));
     files.sort();
     assert!(files.len() >= 4, "{files:?}");
@@ -57,10 +65,20 @@ fn every_graph_runs_and_gives_light() {
         let ran = workspace.run(&set);
         finite_and_lit(&ran, name);
         let published = ran.publish(&workspace.path("out"));
-        assert!(!published.is_empty() && published.iter().all(|p| fs::metadata(&p.path).unwrap().len() > 0), "{name}");
-        for (output, node) in ran.graph.outputs.iter().filter(|(_, node)| ran.graph.nodes[*node].output == "Picture") {
+        assert!(
+            !published.is_empty()
+                && published.iter().all(|p| fs::metadata(&p.path).unwrap().len() > 0),
+            "{name}"
+        );
+        for (output, node) in
+            ran.graph.outputs.iter().filter(|(_, node)| ran.graph.nodes[*node].output == "Picture")
+        {
             let picture: Picture = ran.artifact(&ran.graph.nodes[*node].name, 0);
-            let starts: &[u8] = if &picture.extension[..] == b"png" { b"\x89PNG\r\n\x1a\n" } else { b"\x76\x2f\x31\x01" };
+            let starts: &[u8] = if &picture.extension[..] == b"png" {
+                b"\x89PNG\r\n\x1a\n"
+            } else {
+                b"\x76\x2f\x31\x01"
+            };
             assert!(picture.bytes.starts_with(starts), "{name}: {output} is no picture");
         }
         assert_eq!(workspace.run(&set).nodes(), [""; 0], "{name}");

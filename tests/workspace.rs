@@ -1,7 +1,9 @@
 //! What the tests of the engine and of the command line share: project folders with a cache, runs
 //! through the library, and toy nodes with known numbers.
 
-use lightloom::engine::{self, EngineError, Held, Options, Plan, Progress, Published, Resolution, Summary};
+use lightloom::engine::{
+    self, EngineError, Held, Options, Plan, Progress, Published, Resolution, Summary,
+};
 use lightloom::graph::{Graph, Override};
 use lightloom::nodes::data::{Data, Time, decode};
 use lightloom::nodes::node::{All, Ctx, Error, Item, Node, Sequence, Sizes, Window};
@@ -18,6 +20,7 @@ use tempfile::TempDir;
 /// Overrides that make the shot of `graphs/tensor.ron` a matter of half a second.
 pub const SMALL: &[&str] = &[
     "last=3",
+    "still=2",
     "size=(48, 27)",
     "lights=300",
     "rows=(4, 3)",
@@ -122,8 +125,11 @@ impl Workspace {
     pub fn graph(&self, set: &[&str]) -> Graph {
         let text = fs::read_to_string(self.path("graph.ron")).unwrap();
         let set: Vec<Override> = set.iter().map(|s| Override((*s).to_owned())).collect();
-        let told = |all: Vec<lightloom::graph::Diagnostic>| all.iter().map(|d| d.render(false)).collect::<String>();
-        Graph::read(&text, "graph.ron", &self.root, &self.registry, &set).unwrap_or_else(|all| panic!("{}", told(all)))
+        let told = |all: Vec<lightloom::graph::Diagnostic>| {
+            all.iter().map(|d| d.render(false)).collect::<String>()
+        };
+        Graph::read(&text, "graph.ron", &self.root, &self.registry, &set)
+            .unwrap_or_else(|all| panic!("{}", told(all)))
     }
 
     /// Runs what `wanted` needs, or all outputs if it is empty.
@@ -429,8 +435,14 @@ impl Node for Heavy {
         *most = (*most).max(*now);
         CHANGED.notify_all();
         while counts.heavy[&self.tag].1 < 2 {
-            let Some(left) = end.checked_duration_since(Instant::now()).filter(|d| !d.is_zero()) else { break };
-            counts = CHANGED.wait_timeout(counts, left).unwrap_or_else(|poisoned| poisoned.into_inner()).0;
+            let Some(left) = end.checked_duration_since(Instant::now()).filter(|d| !d.is_zero())
+            else {
+                break;
+            };
+            counts = CHANGED
+                .wait_timeout(counts, left)
+                .unwrap_or_else(|poisoned| poisoned.into_inner())
+                .0;
         }
         if let Some((now, _)) = counts.heavy.get_mut(&self.tag) {
             *now -= 1;

@@ -166,13 +166,14 @@ mod tests {
         let receivers = room_receivers(&stage, 64, 9);
         let mut rows = vec![vec![Vec3::ZERO; tensor.lights()]; receivers.len()];
         receivers.iter().zip(&mut rows).for_each(|(receiver, row)| tensor.row(receiver, row));
+        let row_element = |i: usize, j: usize| rows[i][j];
         let mut column = vec![Vec3::ZERO; receivers.len()];
         let (mut lit, mut dark) = (0, 0);
         for j in 0..tensor.lights() {
             tensor.column(j, &receivers, &mut column);
             for (i, receiver) in receivers.iter().enumerate() {
                 let single = tensor.element(receiver, j);
-                assert_eq!(rows[i][j], column[i], "receiver {i}, light {j}");
+                assert_eq!(row_element(i, j), column[i], "receiver {i}, light {j}");
                 assert_eq!(column[i], single, "receiver {i}, light {j}");
                 *(if single == Vec3::ZERO { &mut dark } else { &mut lit }) += 1;
             }

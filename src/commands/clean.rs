@@ -1,5 +1,6 @@
 //! `clean`: what the cache holds, and emptying it.
 
+use super::output::{say, say_json};
 use super::session::{Failure, store};
 use super::{Common, figures};
 use crate::store::{Evicted, Usage};
@@ -28,14 +29,13 @@ impl Clean {
         // A clear store has no folder any more, and that is what it shall have.
         let usage = if self.all { Usage::default() } else { store.usage()? };
         match (common.json, removed) {
-            (true, Some(removed)) => println!("{}", removed_json(&removed)),
-            (true, None) => println!("{}", usage_json(&usage)),
+            (true, Some(removed)) => say_json(&removed_json(&removed)),
+            (true, None) => say_json(&usage_json(&usage)),
             (false, Some(removed)) => {
-                println!("{}", removed_text(&removed, self.gc.then_some(usage.quota)))
+                say(removed_text(&removed, self.gc.then_some(usage.quota)) + "\n")
             }
-            (false, None) => print!("{}", usage_text(&usage, &common.cache.display().to_string())),
+            (false, None) => say(usage_text(&usage, &common.cache.display().to_string())),
         }
-        Ok(())
     }
 }
 
@@ -43,7 +43,7 @@ fn removed_text(removed: &Evicted, quota: Option<u64>) -> String {
     let left = figures::bytes(removed.left);
     match (removed.blobs, quota) {
         (0, Some(quota)) => format!("{left} of {} used: nothing had to go", figures::bytes(quota)),
-        (0, None) => "the cache was empty".into(),
+        (0, None) => "the cache is empty".into(),
         (blobs, _) => {
             format!("{blobs} blobs removed, {}; {left} left", figures::bytes(removed.bytes))
         }
@@ -62,12 +62,19 @@ fn usage_text(usage: &Usage, folder: &str) -> String {
     let mut kinds: Vec<_> = usage.kinds.iter().collect();
     kinds.sort_by(|a, b| b.1.bytes.cmp(&a.1.bytes).then(a.0.cmp(b.0)));
     let width = kinds.iter().map(|(kind, _)| kind.len()).max().unwrap_or(0);
-    for (kind, of) in kinds {
-        let (size, time) = (figures::bytes(of.bytes), figures::duration(of.seconds));
-        let (blobs, records) = (of.blobs, of.records);
+    if !kinds.is_empty() {
         let _ = writeln!(
             out,
-            "  {kind:width$}  {size:>10}  {blobs:>5} blobs  {records:>5} records  {time} to make again"
+            "  {:width$}  {:>10}  {:>7}  {:>7}  to make again",
+            "", "size", "blobs", "records"
+        );
+    }
+    for (kind, of) in kinds {
+        let (size, time) = (figures::bytes(of.bytes), figures::duration(of.seconds));
+        let _ = writeln!(
+            out,
+            "  {kind:width$}  {size:>10}  {:>7}  {:>7}  {time}",
+            of.blobs, of.records
         );
     }
     let Usage { blobs, records, evicted, .. } = usage;
@@ -110,7 +117,10 @@ mod tests {
         let text = usage_text(&usage, "cache");
         let lines: Vec<&str> = text.lines().collect();
         assert!(lines[0].starts_with("cache: ") && lines[0].ends_with("of 20.0 GB used"), "{text}");
-        assert!(text.contains("Grey") && text.contains("6 blobs      6 records"), "{text}");
+        assert!(
+            lines.iter().any(|l| l.starts_with("  Grey ") && l.contains("        6        6  ")),
+            "{text}"
+        );
         let json = usage_json(&usage);
         assert_eq!(
             (&json["kinds"]["Grey"]["blobs"], &json["records"]),
@@ -125,6 +135,6 @@ mod tests {
         let removed = store.clear().unwrap();
         assert_eq!(removed_json(&removed)["removed_blobs"], usage.blobs);
         assert_eq!(store.usage().unwrap().blobs, 0);
-        assert_eq!(removed_text(&store.clear().unwrap(), None), "the cache was empty");
+        assert_eq!(removed_text(&store.clear().unwrap(), None), "the cache is empty");
     }
 }

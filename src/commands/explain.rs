@@ -3,6 +3,7 @@
 use super::fates::blockers;
 use super::figures;
 use super::history::{Comparison, History, compare};
+use super::output::{say, say_json};
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
 use crate::engine::{Plan, Resolution, Status};
@@ -25,12 +26,7 @@ impl Explain {
     pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
         let session = Session::open(common, &self.graph, registry)?;
         let explanation = Explanation::new(&session, &self.node)?;
-        if common.json {
-            println!("{}", explanation.json());
-        } else {
-            print!("{}", explanation.text());
-        }
-        Ok(())
+        if common.json { say_json(&explanation.json()) } else { say(explanation.text()) }
     }
 }
 
@@ -123,7 +119,7 @@ impl Explanation {
                 let (nodes, which) = (nodes.join(", "), comma(which));
                 writeln!(
                     out,
-                    "cannot be told yet{which}\n  {nodes} must run first; its result may be what it was"
+                    "cannot be told yet{which}\n  it depends on what comes out of {nodes}, to be run first"
                 )
             }
         };
@@ -269,7 +265,7 @@ mod tests {
         let text = explain(&bench, &[], "png").text();
         assert_eq!(
             text,
-            "png  Png v1  cannot be told yet, first for frame 0\n  frames must run first; its result may be what it was\n"
+            "png  Png v1  cannot be told yet, first for frame 0\n  it depends on what comes out of frames, to be run first\n"
         );
         assert_eq!(explain(&bench, &[], "png").json()["waits_for"], json!(["frames"]));
     }

@@ -19,10 +19,11 @@ pub fn bytes(count: u64) -> String {
     format!("{value:.decimals$} {unit}")
 }
 
-/// Seconds as a person would say them: `0.41 s`, `41.2 s`, `6 min 10 s`, `1 h 50 min`, `3 d 4 h`.
+/// Seconds as a person would say them: `414 ms`, `41.2 s`, `6 min 10 s`, `1 h 50 min`, `3 d 4 h`.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s.is_nan() || s <= 0.0 => "0 s".into(),
+        s if s < 0.9995 => format!("{:.0} ms", s * 1000.0),
         s if s < 9.995 => format!("{s:.2} s"),
         s if s < 59.95 => format!("{s:.1} s"),
         s if s < 3599.5 => pair(s, 1, "min", "s"),
@@ -46,7 +47,10 @@ pub fn moment(since_1970: u64) -> String {
     const CYCLE: u64 = 146_097;
     let days = since_1970 / 86_400;
     let (mut year, mut day) = (1970 + days / CYCLE * 400, days % CYCLE);
-    let leap = |year: u64| u64::from(year % 4 == 0 && (year % 100 != 0 || year % 400 == 0));
+    let in_fours = |n: u64| n.is_multiple_of(4);
+    // Years that end a century count by the century.
+    let leap =
+        |year: u64| u64::from(in_fours(if year.is_multiple_of(100) { year / 100 } else { year }));
     while day >= 365 + leap(year) {
         day -= 365 + leap(year);
         year += 1;
@@ -86,7 +90,7 @@ mod tests {
         let told = [f64::NAN, 0.414, 9.999, 59.99, 370.0, 3599.7, 6600.0, 86_399.0, 273_600.0];
         let expected = [
             "0 s",
-            "0.41 s",
+            "414 ms",
             "10.0 s",
             "1 min 0 s",
             "6 min 10 s",

@@ -1,5 +1,6 @@
 //! `graph`: draws a graph.
 
+use super::output::{say, say_json};
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
 use crate::graph::{Graph, dot, mermaid};
@@ -28,11 +29,10 @@ impl Draw {
     pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
         let graph = Session::graph(&self.graph, registry)?;
         match (common.json, self.format) {
-            (true, _) => println!("{}", links(&graph)),
-            (false, Format::Dot) => print!("{}", dot(&graph)),
-            (false, Format::Mermaid) => print!("{}", mermaid(&graph)),
+            (true, _) => say_json(&links(&graph)),
+            (false, Format::Dot) => say(dot(&graph)),
+            (false, Format::Mermaid) => say(mermaid(&graph)),
         }
-        Ok(())
     }
 }
 

@@ -57,8 +57,9 @@ fn size(text: &str) -> Result<[u32; 2], String> {
 impl Init {
     pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
         let out = self.out.clone().unwrap_or_else(|| {
-            Path::new(self.scene.file_stem().unwrap_or(self.scene.as_os_str()))
-                .with_added_extension("ron")
+            let mut name = self.scene.file_stem().unwrap_or(self.scene.as_os_str()).to_owned();
+            name.push(".ron");
+            name.into()
         });
         if !self.force && out.exists() {
             return Err(exists(&out));
@@ -342,10 +343,12 @@ posed|        // <rigid> instances move as they are, <deforming> deform.
 |        "poses": Poses(scene: "scene"<poses_time>),
 subject|        // What the camera looks at: the scene without its ground.
 subject|        "subject": Geometry(scene: "file"),
+lights_only|        // Only lights move. The camera takes the time all the same: maps and frames need a framebuffer
+lights_only|        // for each frame, and equal ones are made once.
 camera|        // The first of the file's <cameras> cameras.
 camera|        "<own_camera>": Camera(scene: "scene", index: 0<camera_time>),
 !camera|        // The file has no camera. This one has all in view; azimuth, elevation and distance move it.
-!camera,!orbit|        "camera": OrbitCamera(geometry: "<subject>", azimuth: 0, elevation: 15, distance: 1),
+!camera,!orbit|        "camera": OrbitCamera(geometry: "<subject>"<camera_time>, azimuth: 0, elevation: 15, distance: 1),
 orbit|        // It turns around the centre; the next frame after the last would complete the angle (--orbit).
 orbit,camera|        "camera": OrbitCamera(geometry: "<subject>", time: "frames", base: "own_camera", degrees: <degrees>, seconds: <seconds>),
 orbit,!camera|        "camera": OrbitCamera(geometry: "<subject>", time: "frames", degrees: <degrees>, seconds: <seconds>, azimuth: 0, elevation: 15, distance: 1),
@@ -415,6 +418,7 @@ impl Init {
         let (map, emissive) = (files.len() > 1, n.emissive.0 > 0);
         let sky = !(map || punctual || emissive);
         let (around, own) = (map || sky, n.cameras.0 > 0);
+        let lights_only = moving && !(posed || n.cameras.1 || shot.orbit.is_some());
         let subject = self.ground && (!own || shot.orbit.is_some());
         let has = [
             ("shot", moving),
@@ -424,6 +428,7 @@ impl Init {
             ("masked", n.materials[1] > 0),
             ("two_sided", n.materials[0] > 0),
             ("subject", subject),
+            ("lights_only", lights_only),
             ("camera", own),
             ("orbit", shot.orbit.is_some()),
             ("punctual", punctual),
@@ -490,7 +495,7 @@ impl Init {
             ("own_camera", if shot.orbit.is_some() { "own_camera" } else { "camera" }.into()),
             ("subject", if subject { "subject" } else { "geometry" }.into()),
             ("poses_time", time(posed)),
-            ("camera_time", time(n.cameras.1)),
+            ("camera_time", time(n.cameras.1 || lights_only)),
             ("lights_time", time(n.lights.1)),
             ("points", n.lights.0[0].to_string()),
             ("spots", n.lights.0[1].to_string()),

@@ -12,6 +12,7 @@ mod graph;
 mod history;
 mod init;
 mod nodes;
+mod output;
 mod plan;
 mod progress;
 mod run;

@@ -1,6 +1,7 @@
 //! `nodes`: the catalogue of node types.
 
 use super::Common;
+use super::output::{say, say_json};
 use super::session::Failure;
 use crate::registry::{NodeType, Registry};
 use lightloom_nodes::node::{Cardinality, ParamSpec, PortSpec};
@@ -12,7 +13,7 @@ pub struct Nodes {
     /// The node type to describe; all are listed without it.
     kind: Option<String>,
     /// Prints the reference of all node types as Markdown.
-    #[arg(long, conflicts_with_all = ["kind", "json"])]
+    #[arg(long, conflicts_with = "kind")]
     markdown: bool,
 }
 
@@ -22,19 +23,18 @@ impl Nodes {
             Some(kind) => {
                 let found = find(registry, kind)?;
                 if common.json {
-                    println!("{}", json!({ "ok": true, "node": node_json(found) }));
+                    say_json(&json!({ "ok": true, "node": node_json(found) }))
                 } else {
-                    print!("{}", page(found));
+                    say(page(found))
                 }
             }
             None if common.json => {
                 let all: Vec<Value> = registry.types().iter().map(node_json).collect();
-                println!("{}", json!({ "ok": true, "nodes": all }));
+                say_json(&json!({ "ok": true, "nodes": all }))
             }
-            None if self.markdown => print!("{}", reference(registry)),
-            None => print!("{}", list(registry)),
+            None if self.markdown => say(reference(registry)),
+            None => say(list(registry)),
         }
-        Ok(())
     }
 }
 
@@ -127,8 +127,8 @@ fn reference(registry: &Registry) -> String {
                 out,
                 "| `{}` | {} | {} | {} |",
                 p.name,
-                cell(&value_type(p)),
-                cell(&shown),
+                cell(value_type(p)),
+                cell(shown),
                 cell(&p.doc)
             );
         }

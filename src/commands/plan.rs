@@ -3,6 +3,7 @@
 use super::fates::{Fate, Shelf, blockers, fates};
 use super::figures;
 use super::history::{History, compare};
+use super::output::{say, say_json};
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
 use crate::engine::{Resolution, Status};
@@ -20,12 +21,7 @@ impl Plan {
     pub fn run(&self, common: &Common, registry: &Registry) -> Result<(), Failure> {
         let session = Session::open(common, &self.graph, registry)?;
         let forecast = Forecast::new(&session)?;
-        if common.json {
-            println!("{}", forecast.json());
-        } else {
-            print!("{}", forecast.text());
-        }
-        Ok(())
+        if common.json { say_json(&forecast.json()) } else { say(forecast.text()) }
     }
 }
 
@@ -308,7 +304,7 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("All 5 nodes are reused; "), "{text}");
-        assert!(text.ends_with(" used). Nothing was run.\n"), "{text}");
+        assert!(text.ends_with(" of 20.0 GB used. Nothing was run.\n"), "{text}");
         assert_eq!(after.reused, after.used);
         assert_eq!(bench.run(&[]).ran().0, 0);
     }

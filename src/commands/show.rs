@@ -1,6 +1,7 @@
 //! `show`: where a node's artifact lies, and what is in it.
 
 use super::explain::which;
+use super::output::{say, say_json};
 use super::run::default_folder;
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs, figures};
@@ -34,12 +35,7 @@ impl Show {
         let session = Session::open(common, &self.graph, registry)?;
         let folder = self.out.clone().unwrap_or_else(|| default_folder(&session.path));
         let shown = Shown::new(&session, &self.node, self.item, &folder)?;
-        if common.json {
-            println!("{}", shown.json());
-        } else {
-            print!("{}", shown.text());
-        }
-        Ok(())
+        if common.json { say_json(&shown.json()) } else { say(shown.text()) }
     }
 }
 
