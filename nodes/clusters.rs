@@ -74,6 +74,9 @@ impl Node for Clusters {
         let start = (self.start as usize).min(limit / (cuts.len() + 1)).max(1);
         let settings = Settings { start, limit, time_weight: self.time_weight, seed: self.seed, cuts: &cuts };
         let history = cluster_tensor::<Error>(&tensor, &settings, &|done, total| ctx.tick(done, total))?;
+        if history.start.is_empty() {
+            ctx.note(format!("none of {lights} lights reaches a sampled pixel"));
+        }
         Ok(store(history, lights, frames))
     }
 }

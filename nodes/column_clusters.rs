@@ -65,6 +65,9 @@ impl Node for ColumnClusters {
             // Every frame draws its own numbers, as a still would.
             histories.push(cluster_columns::<Error>(&tensor, mode, self.count as usize, self.seed.wrapping_add(k), &tick)?);
         }
+        if histories.iter().all(|h| h.start.is_empty()) {
+            ctx.note(format!("none of {lights} lights reaches a sampled pixel"));
+        }
         Ok(store(interleave(&histories), lights, frames as usize))
     }
 }

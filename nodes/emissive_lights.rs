@@ -6,7 +6,7 @@ use crate::kernel::light_list::LightList;
 use crate::kernel::stage::Stage;
 use crate::kernel::surface_sampling::{Point, sample};
 use crate::node::{Ctx, Error, Item, Node};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 
 crate::params! {
     /// Turns emitting surfaces into lights of cosine emission, more of them where more power is.
@@ -35,6 +35,10 @@ crate::inputs! {
     }
 }
 
+/// Where a triangle's emission is looked up to weigh it: its centre, near its corners, and between.
+const PLACES: [(f32, f32); 7] =
+    [(0.33, 0.33), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8), (0.45, 0.45), (0.45, 0.1), (0.1, 0.45)];
+
 impl Node for EmissiveLights {
     const KIND: &'static str = "EmissiveLights";
     const VERSION: u32 = 1;
@@ -46,9 +50,13 @@ impl Node for EmissiveLights {
         let rest = input.rest.as_ref().unwrap_or(&input.poses);
         let rest = Stage::of(ctx, &input.geometry, &input.materials, rest)?;
         let power = |t: u32| {
-            let emitted = rest.surface(t, 1.0 / 3.0, 1.0 / 3.0);
-            let faces = if emitted.double_sided { 2.0 } else { 1.0 };
-            f64::from(emitted.emitted.element_sum() * faces * rest.area(t))
+            if input.materials.emissive[rest.material(t)] == Vec3::ZERO {
+                return 0.0;
+            }
+            let samples = PLACES.map(|(u, v)| rest.surface(t, u, v));
+            let faces = if samples[0].double_sided { 2.0 } else { 1.0 };
+            let mean = samples.iter().map(|s| s.emitted.element_sum()).sum::<f32>() / PLACES.len() as f32;
+            f64::from(mean * faces * rest.area(t))
         };
         let weights: Vec<f64> = (0..stage.triangles()).map(power).collect();
         let points = sample(&weights, self.count, self.seed);
@@ -84,7 +92,6 @@ fn light(stage: &Stage, point: &Point, clamp: f32) -> Light {
 mod tests {
     use super::*;
     use crate::kernel::fixtures::{plain_materials, quad, soup, still};
-    use glam::Vec3;
 
     #[test]
     fn power_is_radiance_times_area_times_pi() {

@@ -6,8 +6,9 @@ use crate::node::{Ctx, Error, Item, Many, Node};
 use glam::DVec3;
 
 crate::params! {
-    /// Puts lights of all kinds in one list, in the order given. Where there are more than `total`, every
-    /// part keeps its share of evenly spaced lights, scaled so that its power stays the same.
+    /// Puts lights of all kinds in one list, in the order given. Where there are more than `total`, small
+    /// parts, as lamps and the sun, stay whole; each large part keeps its share of evenly spaced lights,
+    /// scaled so that its power stays the same.
     pub struct MergeLights {
         /// Lights at most.
         total: u32 = 65_536, 1..=16_777_216;
@@ -43,18 +44,29 @@ impl Node for MergeLights {
     }
 }
 
-/// How many lights each part keeps: all if they fit, else in proportion, and at least one of each
-/// part that has any, as far as the total allows.
+/// How many lights each part keeps: all of a part that is no larger than an equal share of what is
+/// left, and of the others as many as their size asks for.
 fn shares(sizes: &[usize], total: usize) -> Vec<usize> {
-    let sum: usize = sizes.iter().sum();
-    if sum <= total {
-        return sizes.to_vec();
-    }
-    let mut kept: Vec<usize> = sizes.iter().map(|s| (s * total / sum).max(usize::from(*s > 0))).collect();
-    while kept.iter().sum::<usize>() > total {
-        let largest = (0..kept.len()).max_by_key(|&i| (kept[i], std::cmp::Reverse(i)));
-        let Some(largest) = largest else { break };
-        kept[largest] -= 1;
+    let mut order: Vec<usize> = (0..sizes.len()).collect();
+    order.sort_by_key(|&i| sizes[i]);
+    let mut kept = vec![0; sizes.len()];
+    let mut left = total;
+    for (done, &i) in order.iter().enumerate() {
+        let large = &order[done..];
+        if sizes[i] <= left / large.len() {
+            kept[i] = sizes[i];
+            left -= sizes[i];
+            continue;
+        }
+        let sum: usize = large.iter().map(|&j| sizes[j]).sum();
+        // Rounded up in turn, so that every light left is given out.
+        let mut rest = sum;
+        for &j in large {
+            kept[j] = (left * sizes[j]).div_ceil(rest).min(left);
+            left -= kept[j];
+            rest -= sizes[j];
+        }
+        break;
     }
     kept
 }
@@ -103,5 +115,7 @@ mod tests {
         assert_eq!(shares(&[5, 5], 10), [5, 5]);
         assert_eq!(shares(&[1000, 1, 0], 10), [9, 1, 0]);
         assert_eq!(shares(&[3, 3, 3], 2).iter().sum::<usize>(), 2);
+        let lamps_sky_bounce = shares(&[3, 16_384, 49_152], 16_387);
+        assert_eq!(lamps_sky_bounce, [3, 4096, 12_288]);
     }
 }

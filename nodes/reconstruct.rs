@@ -62,15 +62,16 @@ impl Node for Reconstruct {
 
     fn run(&self, input: ReconstructIn, ctx: &Ctx) -> Result<Sequence<Image>, Error> {
         let frames = input.representatives.count as usize;
-        if input.framebuffer.len() != frames {
-            let found = input.framebuffer.len();
+        // One framebuffer serves a shot in which only lights change.
+        let found = input.framebuffer.len();
+        if found != frames && found != 1 {
             return Err(Error::invalid(format!("representatives of {frames} frames, framebuffers of {found}")));
         }
         let first = input.framebuffer.get(0)?;
         let shape = first.triangle.shape().to_vec();
         let mut images = Vec::new();
         for k in 0..frames {
-            let framebuffer = input.framebuffer.get(k)?;
+            let framebuffer = input.framebuffer.broadcast(k)?;
             if framebuffer.triangle.shape() != shape {
                 return Err(Error::invalid("the framebuffers of the shot have different sizes"));
             }
@@ -114,7 +115,7 @@ struct Pass<'a> {
 impl Pass<'_> {
     fn run(&self, images: &mut [Vec<Vec3>]) -> Result<(), Error> {
         let input = self.input;
-        let framebuffer = input.framebuffer.get(self.source)?;
+        let framebuffer = input.framebuffer.broadcast(self.source)?;
         let poses = input.poses.broadcast(self.source)?;
         let lights = input.lights.broadcast(self.source)?;
         let stage = Stage::of(self.ctx, &input.geometry, &input.materials, &poses)?;
@@ -217,7 +218,7 @@ impl<'a> Mapper<'a> {
     fn new(input: &'a ReconstructIn, ctx: &'a Ctx, source: usize) -> Result<Self, Error> {
         let mut features = None;
         if let Some(maps) = &input.maps && !maps.is_empty() {
-            features = Some(nine_vectors(ctx, &input.framebuffer.get(source)?, &input.geometry, maps.get(0)?.weights)?);
+            features = Some(nine_vectors(ctx, &input.framebuffer.broadcast(source)?, &input.geometry, maps.get(0)?.weights)?);
         }
         Ok(Mapper { input, ctx, source, features, reached: (source, None) })
     }
@@ -244,23 +245,26 @@ impl<'a> Mapper<'a> {
     }
 
     fn step(&mut self, next: usize) -> Result<(), Error> {
+        let at = self.reached.0;
+        let (here, there) = (self.input.framebuffer.broadcast(at)?, self.input.framebuffer.broadcast(next)?);
+        // Equal frames have equal maps into the source.
+        if here.digest() == there.digest() {
+            self.reached.0 = next;
+            return Ok(());
+        }
         let (Some(maps), Some(features)) = (&self.input.maps, &self.features) else {
             return Err(Error::invalid("representatives serve several frames: connect `maps` from PixelMaps"));
         };
-        let at = self.reached.0;
         let pair = maps.broadcast(at.min(next))?;
         let step = if next > at { &pair.forward } else { &pair.backward };
-        let (here, there) = (self.input.framebuffer.get(at)?, self.input.framebuffer.get(next)?);
         let map = match self.reached.1.take() {
-            // Equal frames have equal maps into the source.
-            onward if here.digest() == there.digest() => onward,
-            None => Some(step.to_vec()),
+            None => step.to_vec(),
             Some(onward) => {
                 let target = nine_vectors(self.ctx, &there, &self.input.geometry, pair.weights)?;
-                Some(compose(&onward, step, features, &target).map_err(|e| Error::invalid(e.to_string()))?)
+                compose(&onward, step, features, &target).map_err(|e| Error::invalid(e.to_string()))?
             }
         };
-        self.reached = (next, map);
+        self.reached = (next, Some(map));
         Ok(())
     }
 }

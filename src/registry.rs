@@ -1,11 +1,14 @@
 //! The catalogue of node types, and the one place where their Rust types are erased.
 
 use crate::Bindings;
-use lightloom_nodes::data::{self, Data};
+use lightloom_nodes::data::{Data, View};
 use lightloom_nodes::node::{
     Ctx, Error, Inputs, Node, Output, ParamSpec, PortSpec, Problems, Sizes,
 };
 use std::path::{Path, PathBuf};
+
+/// Takes the arrays of one item that a node gives.
+pub type Keep<'a> = dyn FnMut(&[(&str, View<'_>)]) -> Result<(), Error> + 'a;
 
 /// A node whose type is known only by name: the value holds its parameters.
 pub trait AnyNode: Send + Sync {
@@ -28,14 +31,7 @@ pub trait AnyNode: Send + Sync {
     ///
     /// # Errors
     /// Those of the node, and those of `keep`.
-    fn run(
-        &self,
-        bindings: &Bindings,
-        ctx: &Ctx,
-        keep: &mut dyn FnMut(&[(&str, data::View<'_>)]) -> Result<(), Error>,
-    ) -> Result<usize, Error>;
-    /// A copy with the same parameters.
-    fn copy(&self) -> Box<dyn AnyNode>;
+    fn run(&self, bindings: &Bindings, ctx: &Ctx, keep: &mut Keep<'_>) -> Result<usize, Error>;
 }
 
 impl<N: Node> AnyNode for N {
@@ -57,19 +53,11 @@ impl<N: Node> AnyNode for N {
     fn memory(&self, inputs: &Sizes) -> u64 {
         N::memory(self, inputs)
     }
-    fn run(
-        &self,
-        bindings: &Bindings,
-        ctx: &Ctx,
-        keep: &mut dyn FnMut(&[(&str, data::View<'_>)]) -> Result<(), Error>,
-    ) -> Result<usize, Error> {
+    fn run(&self, bindings: &Bindings, ctx: &Ctx, keep: &mut Keep<'_>) -> Result<usize, Error> {
         let output = N::run(self, N::In::bind(bindings)?, ctx)?;
         let (items, chunk) = output.into_items();
         items.iter().try_for_each(|item| keep(&item.views()))?;
         Ok(chunk)
-    }
-    fn copy(&self) -> Box<dyn AnyNode> {
-        Box::new(self.clone())
     }
 }
 

@@ -28,7 +28,11 @@ fn seen(x: u32, y: u32) -> DVec3 {
 
 fn near(found: Vec3, expected: DVec3, tolerance: f64, what: &str) {
     let off = (found.as_dvec3() - expected).abs().max_element() / expected.max_element().max(1e-30);
-    assert!(off <= tolerance, "{what}: {found} where {expected} was expected, {:.3} % off", 100.0 * off);
+    assert!(
+        off <= tolerance,
+        "{what}: {found} where {expected} was expected, {:.3} % off",
+        100.0 * off
+    );
 }
 
 /// Every pixel of the plane lit by one light, against its irradiance.
@@ -61,13 +65,21 @@ fn a_point_light_falls_off_with_the_square() {
 fn a_spot_falls_off_between_its_cones() {
     let (place, axis) = (DVec3::new(-0.5, 1.5, 0.2), DVec3::new(0.3, -1.0, 0.1).normalize());
     let cone = Vec2::new(0.95, 0.8);
-    let light =
-        Light { cone, ..lamp(LightKind::Spot, place.as_vec3(), axis.as_vec3(), Vec3::new(5.0, 4.0, 3.0)) };
+    let light = Light {
+        cone,
+        ..lamp(LightKind::Spot, place.as_vec3(), axis.as_vec3(), Vec3::new(5.0, 4.0, 3.0))
+    };
     let (mut inside, mut between, mut outside) = (0, 0, 0);
     for y in 0..SIZE[1] {
         for x in 0..SIZE[0] {
             let cosine = (seen(x, y) - place).normalize().dot(axis);
-            *if cosine > 0.95 { &mut inside } else if cosine > 0.8 { &mut between } else { &mut outside } += 1;
+            *if cosine > 0.95 {
+                &mut inside
+            } else if cosine > 0.8 {
+                &mut between
+            } else {
+                &mut outside
+            } += 1;
         }
     }
     assert!(inside > 3 && between > 3 && outside > 3, "{inside} {between} {outside}");
@@ -136,7 +148,11 @@ fn what_is_below_the_horizon_adds_nothing() {
     let frame = over_plane();
     let whole = frame.reference(&environment_lights(8, 4, vec![Vec3::ONE; 32], 4096).into());
     let above = frame.reference(&environment_lights(8, 4, half, 4096).into());
-    whole.radiance.iter().zip(&*above.radiance).for_each(|(w, a)| near(*w, a.as_dvec3(), 5e-3, "a pixel"));
+    whole
+        .radiance
+        .iter()
+        .zip(&*above.radiance)
+        .for_each(|(w, a)| near(*w, a.as_dvec3(), 5e-3, "a pixel"));
 }
 
 const GLOW: Vec3 = Vec3::new(1.0, 2.0, 0.5);
@@ -149,8 +165,8 @@ fn furnace() -> Frame {
     Frame::still(sphere(4), materials(&[(GREY, GLOW)]), camera, [6, 4])
 }
 
-/// Mean of an image less the mean of another.
-fn added(image: &Image) -> Vec3 {
+/// Mean of an image.
+fn mean(image: &Image) -> Vec3 {
     let sum: DVec3 = image.radiance.iter().map(|p| p.as_dvec3()).sum();
     (sum / image.radiance.len() as f64).as_vec3()
 }
@@ -170,8 +186,8 @@ fn a_furnace_is_as_bright_as_its_orders_of_reflection() {
     let photons: Item<Lights> = frame.photon_lights(&emissive, 32_768).into();
     let higher = frame.reference(&photons);
     let orders = GLOW * GREY * GREY / (Vec3::ONE - GREY);
-    near(added(&higher) - GLOW, orders.as_dvec3(), 1e-2, "higher orders by photon lights");
-    let all = added(&once) + added(&higher) - GLOW;
+    near(mean(&higher) - GLOW, orders.as_dvec3(), 1e-2, "higher orders by photon lights");
+    let all = mean(&once) + mean(&higher) - GLOW;
     near(all, (GLOW / (Vec3::ONE - GREY)).as_dvec3(), 5e-3, "all orders");
 }
 
@@ -179,14 +195,14 @@ fn a_furnace_is_as_bright_as_its_orders_of_reflection() {
 fn gather_lights_fill_a_furnace_from_photons() {
     let frame = furnace();
     let emissive: Item<Lights> = frame.emissive(8192).into();
-    let once = added(&frame.reference(&emissive));
+    let once = mean(&frame.reference(&emissive));
     let samples = frame.gather_samples(4096).unwrap().into();
     let orders = (GLOW * GREY * GREY / (Vec3::ONE - GREY)).as_dvec3();
     // More than the radius ever holds: the whole disc is used, without bias. Then the paper's 50.
     for (nearest, tolerance) in [(10_000, 1e-2), (50, 2e-2)] {
         let photons = frame.photons(None, Some(&emissive), 32_768);
         let gathered = frame.gather_lights(&samples, None, Some(photons), nearest);
-        let higher = added(&frame.reference(&gathered.into())) - GLOW;
+        let higher = mean(&frame.reference(&gathered.into())) - GLOW;
         near(higher, orders, tolerance, &format!("higher orders from {nearest} photons"));
         near(once + higher, (GLOW / (Vec3::ONE - GREY)).as_dvec3(), 0.5 * tolerance, "all orders");
     }
@@ -198,13 +214,13 @@ fn gather_lights_take_direct_light_themselves() {
     let camera = look(Vec3::ZERO, Vec3::new(0.3, 0.2, 1.0), 0.8);
     let frame = Frame::still(sphere(4), materials(&[(GREY, Vec3::ZERO)]), camera, [6, 4]);
     let lamp = lights(&[lamp(LightKind::Omni, Vec3::ZERO, Vec3::Y, GLOW)]);
-    let direct = added(&frame.reference(&lamp));
+    let direct = mean(&frame.reference(&lamp));
     // The facets lie a little inside the sphere: 0.2 %.
     let first = (GREY * GLOW).as_dvec3() / PI;
     near(direct, first, 5e-3, "direct");
     let photons = frame.photons(Some(&lamp), None, 32_768);
     let samples = frame.gather_samples(4096).unwrap().into();
     let gathered = frame.gather_lights(&samples, Some(&lamp), Some(photons), 10_000);
-    let all = direct + added(&frame.reference(&gathered.into()));
+    let all = direct + mean(&frame.reference(&gathered.into()));
     near(all, first / (DVec3::ONE - GREY.as_dvec3()), 1e-2, "all orders");
 }

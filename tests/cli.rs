@@ -303,9 +303,10 @@ fn two_processes_on_one_cache_share_the_work() {
     };
     let outputs = [start("one"), start("two")].map(|child| child.wait_with_output().unwrap());
     outputs.iter().for_each(|o| assert_eq!((code(o), errors(o)), (0, String::new())));
-    // Every action is recorded once and was computed once; the frames alone are one with four items.
+    // Every action is recorded once and was computed once; the frames and the reconstruction are one
+    // of four items each.
     let [one, two] = outputs.each_ref().map(ran);
-    assert_eq!(one + two + 3, records(&project.path(".lightloom")) as u64);
+    assert_eq!(one + two + 3 + 3, records(&project.path(".lightloom")) as u64);
     assert!(published(&project.path("one")) == published(&project.path("two")));
 }
 
@@ -339,7 +340,7 @@ fn a_run_that_is_killed_five_times_ends_with_the_same_results() {
             .success()
     );
     let cache = project.path("killed");
-    for (round, count) in [3, 14, 27, 41, 54].into_iter().enumerate() {
+    for (round, count) in [3, 14, 27, 41, 52].into_iter().enumerate() {
         let mut command = small(&project, &["--cache", "killed", "--out", "out-killed", "--json"]);
         let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
         assert!(reaches(&mut child, &cache, count), "the run ended before it was killed");
@@ -348,15 +349,18 @@ fn a_run_that_is_killed_five_times_ends_with_the_same_results() {
         child.kill().unwrap();
         child.wait().unwrap();
     }
-    let before = records(&cache);
+    let recorded = || Store::open(&cache, None).unwrap().records().collect::<BTreeMap<_, _>>();
+    let before = recorded();
     let last =
         small(&project, &["--cache", "killed", "--out", "out-killed", "--json"]).output().unwrap();
     assert!(last.status.success() && errors(&last).is_empty(), "{}", errors(&last));
-    assert_eq!(
-        before + ran(&last) as usize,
-        records(&cache),
-        "what was recorded before the kills is not run again"
-    );
+    // A record holds the seconds that its action took: one that is made again is another one. Those of
+    // several items may have been killed between two of them.
+    let after = recorded();
+    let single =
+        before.iter().filter(|(_, record)| !["Frames", "Reconstruct"].contains(&&*record.node));
+    assert!(before.len() >= 50 && ran(&last) > 0, "{} results were kept", before.len());
+    single.for_each(|(key, record)| assert_eq!(after.get(key), Some(record)));
     assert!(results(&cache) == results(&project.path("whole")));
     assert!(published(&project.path("out-killed")) == published(&project.path("out-whole")));
     assert_eq!(

@@ -74,7 +74,6 @@ fn edits_run_what_follows_them_and_nothing_else() {
         assert!(!moved.nodes().contains(&node), "{node} ran after the sun moved");
     }
     assert!(moved.nodes().contains(&"sky_lights") && moved.nodes().contains(&"image"));
-    eprintln!("SUN {:?}", moved.nodes());
 
     // And back again, to what the first run left.
     assert_eq!(shot.run_small(&[]).nodes(), [""; 0]);

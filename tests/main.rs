@@ -1,6 +1,10 @@
 //! All integration tests, one binary.
 
+mod analytic;
 mod cli;
 mod engine;
+mod extremes;
 mod graphs;
+mod scenes;
+mod tensor;
 mod workspace;

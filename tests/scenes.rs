@@ -3,8 +3,8 @@
 use glam::{DVec3, Mat4, Vec2, Vec3};
 use lightloom_nodes as nodes;
 use nodes::data::{
-    Camera, Clusters, DeepFramebuffer, Geometry, Image, LightKind, Lights, Materials, PixelMaps, Poses,
-    Representatives, Rows, alpha, instance,
+    Camera, Clusters, DeepFramebuffer, Geometry, Image, LightKind, Lights, Materials, PixelMaps,
+    Poses, Representatives, Rows, alpha, instance,
 };
 use nodes::kernel::element::Light;
 use nodes::kernel::light_list::LightList;
@@ -79,7 +79,10 @@ pub fn poses(matrices: &[Mat4]) -> Poses {
 
 /// The parallelogram at `corner` with sides `u` and `v`; front: u x v.
 pub fn quad(corner: Vec3, u: Vec3, v: Vec3, material: u32) -> [Triangle; 2] {
-    [([corner, corner + u, corner + u + v], material), ([corner, corner + u + v, corner + v], material)]
+    [
+        ([corner, corner + u, corner + u + v], material),
+        ([corner, corner + u + v, corner + v], material),
+    ]
 }
 
 /// A square plane at y = 0 around the origin, facing up, of material 0.
@@ -90,7 +93,8 @@ pub fn plane(side: f32) -> Vec<Triangle> {
 /// The outside of a box, of material 0.
 pub fn block(low: Vec3, size: Vec3) -> Vec<Triangle> {
     let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * size.z);
-    let sides = [(low + y, z, x), (low, x, z), (low, y, x), (low + z, x, y), (low, z, y), (low + x, y, z)];
+    let sides =
+        [(low + y, z, x), (low, x, z), (low, y, x), (low + z, x, y), (low, z, y), (low + x, y, z)];
     sides.into_iter().flat_map(|(corner, u, v)| quad(corner, u, v, 0)).collect()
 }
 
@@ -108,7 +112,11 @@ pub fn sphere(levels: u32) -> Vec<Triangle> {
         let side = |bit: usize| if i >> bit & 1 == 0 { 1.0 } else { -1.0 };
         let corners = [Vec3::X * side(0), Vec3::Y * side(1), Vec3::Z * side(2)];
         // Inwards: the mirrored octants turn round.
-        if side(0) * side(1) * side(2) > 0.0 { [corners[0], corners[2], corners[1]] } else { corners }
+        if side(0) * side(1) * side(2) > 0.0 {
+            [corners[0], corners[2], corners[1]]
+        } else {
+            corners
+        }
     };
     let mut faces: Vec<[Vec3; 3]> = (0..8).map(octant).collect();
     for _ in 0..levels {
@@ -167,7 +175,13 @@ pub struct Frame {
 
 impl Frame {
     /// A frame of instances at `matrices`, seen in `size` pixels.
-    pub fn new(geometry: Geometry, materials: Materials, matrices: &[Mat4], camera: Camera, size: [u32; 2]) -> Frame {
+    pub fn new(
+        geometry: Geometry,
+        materials: Materials,
+        matrices: &[Mat4],
+        camera: Camera,
+        size: [u32; 2],
+    ) -> Frame {
         Frame::posed(&geometry.into(), &materials.into(), matrices, camera, size)
     }
 
@@ -194,7 +208,12 @@ impl Frame {
     }
 
     /// A still of static triangles.
-    pub fn still(triangles: Vec<Triangle>, materials: Materials, camera: Camera, size: [u32; 2]) -> Frame {
+    pub fn still(
+        triangles: Vec<Triangle>,
+        materials: Materials,
+        camera: Camera,
+        size: [u32; 2],
+    ) -> Frame {
         Frame::new(soups(&[triangles]), materials, &[Mat4::IDENTITY], camera, size)
     }
 
@@ -230,7 +249,9 @@ impl Frame {
             poses: self.poses.clone(),
             rest: None,
         };
-        nodes::EmissiveLights { count, clamp: 0.02, seed: 1 }.run(input, &Ctx::default()).expect("lights")
+        nodes::EmissiveLights { count, clamp: 0.02, seed: 1 }
+            .run(input, &Ctx::default())
+            .expect("lights")
     }
 
     /// Virtual lights of photons that `lights` emit.
@@ -241,11 +262,18 @@ impl Frame {
             poses: self.poses.clone(),
             lights: lights.clone(),
         };
-        nodes::PhotonLights { count, clamp: 0.02, seed: 1 }.run(input, &Ctx::default()).expect("lights")
+        nodes::PhotonLights { count, clamp: 0.02, seed: 1 }
+            .run(input, &Ctx::default())
+            .expect("lights")
     }
 
     /// Photons of `direct` lights without their first hit, and of `area` lights with it.
-    pub fn photons(&self, direct: Option<&Item<Lights>>, area: Option<&Item<Lights>>, count: u32) -> nodes::data::Photons {
+    pub fn photons(
+        &self,
+        direct: Option<&Item<Lights>>,
+        area: Option<&Item<Lights>>,
+        count: u32,
+    ) -> nodes::data::Photons {
         let input = nodes::PhotonsIn {
             geometry: self.geometry.clone(),
             materials: self.materials.clone(),
@@ -263,7 +291,8 @@ impl Frame {
             materials: self.materials.clone(),
             rest: self.poses.clone(),
         };
-        nodes::GatherSamples { count, sides: nodes::Sides::Front, seed: 1 }.run(input, &Ctx::default())
+        nodes::GatherSamples { count, sides: nodes::Sides::Front, seed: 1 }
+            .run(input, &Ctx::default())
     }
 
     /// The samples as lights.
@@ -298,7 +327,11 @@ pub struct Shot {
 impl Shot {
     /// The frames with their lights and rows of them.
     pub fn new(frames: Vec<Frame>, lights: Vec<Item<Lights>>, bins: [u32; 2]) -> Shot {
-        let rows = frames.iter().zip(&lights).map(|(f, l)| f.rows(l, bins).expect("rows").into()).collect();
+        let rows = frames
+            .iter()
+            .zip(&lights)
+            .map(|(f, l)| f.rows(l, bins).expect("rows").into())
+            .collect();
         Shot { frames, lights, rows }
     }
 
@@ -307,7 +340,11 @@ impl Shot {
     }
 
     pub fn reference(&self) -> Vec<Image> {
-        self.frames.iter().zip(&self.lights).map(|(frame, lights)| frame.reference(lights)).collect()
+        self.frames
+            .iter()
+            .zip(&self.lights)
+            .map(|(frame, lights)| frame.reference(lights))
+            .collect()
     }
 
     /// Maps between neighbouring frames.
@@ -325,17 +362,27 @@ impl Shot {
     /// Clusters of each frame by itself.
     pub fn column_clusters(&self, count: u32) -> Clusters {
         let node = nodes::ColumnClusters { count, ..Default::default() };
-        node.run(nodes::ColumnClustersIn { rows: self.all_rows() }, &Ctx::default()).expect("clusters")
+        node.run(nodes::ColumnClustersIn { rows: self.all_rows() }, &Ctx::default())
+            .expect("clusters")
     }
 
-    pub fn representatives(&self, clusters: &Item<Clusters>, node: &nodes::Representatives) -> Representatives {
+    pub fn representatives(
+        &self,
+        clusters: &Item<Clusters>,
+        node: &nodes::Representatives,
+    ) -> Representatives {
         let input = nodes::RepresentativesIn { clusters: clusters.clone(), rows: self.all_rows() };
         node.run(input, &Ctx::default()).expect("representatives")
     }
 
     /// What Reconstruct takes.
-    pub fn to_reconstruct(&self, representatives: Representatives, maps: &[Item<PixelMaps>]) -> nodes::ReconstructIn {
-        let all = |f: fn(&Frame) -> Item<DeepFramebuffer>| self.frames.iter().map(f).collect::<Vec<_>>();
+    pub fn to_reconstruct(
+        &self,
+        representatives: Representatives,
+        maps: &[Item<PixelMaps>],
+    ) -> nodes::ReconstructIn {
+        let all =
+            |f: fn(&Frame) -> Item<DeepFramebuffer>| self.frames.iter().map(f).collect::<Vec<_>>();
         nodes::ReconstructIn {
             representatives: representatives.into(),
             framebuffer: all(|f| f.framebuffer.clone()).into(),
@@ -347,7 +394,11 @@ impl Shot {
         }
     }
 
-    pub fn reconstruct(&self, representatives: Representatives, maps: &[Item<PixelMaps>]) -> Vec<Image> {
+    pub fn reconstruct(
+        &self,
+        representatives: Representatives,
+        maps: &[Item<PixelMaps>],
+    ) -> Vec<Image> {
         let input = self.to_reconstruct(representatives, maps);
         nodes::Reconstruct {}.run(input, &Ctx::default()).expect("images").items
     }
@@ -371,7 +422,9 @@ pub fn maps(this: &Frame, next: &Frame) -> PixelMaps {
 /// |image - reference| / |reference| over all images.
 pub fn relative_l2(images: &[Image], references: &[Image]) -> f64 {
     assert_eq!(images.len(), references.len());
-    let pixels = |all: &[Image]| all.iter().flat_map(|i| i.radiance.to_vec()).map(|p| p.as_dvec3()).collect::<Vec<DVec3>>();
+    let pixels = |all: &[Image]| {
+        all.iter().flat_map(|i| i.radiance.to_vec()).map(|p| p.as_dvec3()).collect::<Vec<DVec3>>()
+    };
     let (image, reference) = (pixels(images), pixels(references));
     assert_eq!(image.len(), reference.len());
     let square = |v: DVec3| v.length_squared();
@@ -389,12 +442,15 @@ pub fn same(a: &Image, b: &Image) -> bool {
 /// The room with a block in it that turns, seen by a camera that moves: `count` frames.
 pub fn turning_room(count: u32, size: [u32; 2]) -> Vec<Frame> {
     let parts = [room(), block(Vec3::new(-0.15, 0.0, -0.15), Vec3::new(0.3, 0.4, 0.3))];
-    let surfaces = [Vec3::splat(0.7), Vec3::new(0.7, 0.1, 0.1), Vec3::new(0.1, 0.7, 0.1)].map(|a| (a, Vec3::ZERO));
+    let surfaces = [Vec3::splat(0.7), Vec3::new(0.7, 0.1, 0.1), Vec3::new(0.1, 0.7, 0.1)]
+        .map(|a| (a, Vec3::ZERO));
     let (geometry, materials) = (soups(&parts).into(), materials(&surfaces).into());
     let frame = |k: u32| {
         let step = k as f32;
-        let turn = Mat4::from_translation(Vec3::new(0.55, 0.0, 0.45)) * Mat4::from_rotation_y(0.06 * step);
-        let camera = look(Vec3::new(0.42 + 0.015 * step, 0.6, 0.97), Vec3::new(0.5, 0.35, 0.3), 0.6);
+        let turn =
+            Mat4::from_translation(Vec3::new(0.55, 0.0, 0.45)) * Mat4::from_rotation_y(0.06 * step);
+        let camera =
+            look(Vec3::new(0.42 + 0.015 * step, 0.6, 0.97), Vec3::new(0.5, 0.35, 0.3), 0.6);
         Frame::posed(&geometry, &materials, &[Mat4::IDENTITY, turn], camera, size)
     };
     (0..count).map(frame).collect()
@@ -406,7 +462,8 @@ pub fn gathered(frames: &[Frame], count: u32) -> Vec<Item<Lights>> {
     let lit = |(k, frame): (usize, &Frame)| {
         let step = k as f32;
         let place = Vec3::new(0.2 + 0.03 * step, 0.85, 0.4);
-        let lamp = lamp(LightKind::Omni, place, Vec3::Y, Vec3::new(1.0, 0.9, 0.7) * (1.0 - 0.03 * step));
+        let lamp =
+            lamp(LightKind::Omni, place, Vec3::Y, Vec3::new(1.0, 0.9, 0.7) * (1.0 - 0.03 * step));
         Item::from(frame.gather_lights(&samples, Some(&lights(&[lamp])), None, 50))
     };
     frames.iter().enumerate().map(lit).collect()

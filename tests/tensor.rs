@@ -1,7 +1,8 @@
 //! The tensor pipeline against the brute-force sum, and what must not change its bits.
 
 use super::scenes::{
-    Frame, Shot, gathered, lamp, lights, look, maps, materials, relative_l2, room, same, soups, turning_room,
+    Frame, Shot, gathered, lamp, lights, look, maps, materials, relative_l2, room, same, soups,
+    turning_room,
 };
 use glam::{DVec3, Vec3};
 use lightloom_nodes as nodes;
@@ -14,11 +15,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 const SIZE: [u32; 2] = [16, 12];
 
+/// The default choice of representatives with another count.
 fn with_count(count: u32) -> nodes::Representatives {
     nodes::Representatives { count, ..Default::default() }
 }
 
-/// A shot of `count` frames under gather lights, with a row at every pixel if `bins` is none.
+/// A shot of `count` frames under `many` gather lights.
 fn shot(count: u32, size: [u32; 2], many: u32, bins: [u32; 2]) -> Shot {
     let frames = turning_room(count, size);
     let lights = gathered(&frames, many);
@@ -51,7 +53,9 @@ fn one_thread_and_two_give_the_same_bits() {
     let size = [48, 27];
     let frames = turning_room(3, size);
     let fresh = || turning_room(3, size);
-    on_threads("DeepFramebuffer", || fresh().iter().flat_map(|f| encode(&*f.framebuffer)).collect());
+    on_threads("DeepFramebuffer", || {
+        fresh().iter().flat_map(|f| encode(&*f.framebuffer)).collect()
+    });
     let lamp = lights(&[lamp(LightKind::Omni, Vec3::new(0.3, 0.8, 0.4), Vec3::Y, Vec3::ONE)]);
     on_threads("Photons", || encode(&frames[0].photons(Some(&lamp), Some(&lamp), 2000)));
     on_threads("PhotonLights", || encode(&frames[0].photon_lights(&lamp, 2000)));
@@ -116,7 +120,8 @@ fn more_columns_err_less_and_clusters_over_time_flicker_less() {
         let images = shot.reconstruct(shot.representatives(&clusters, &with_count(50)), &maps);
         compare(&images, &references).flicker
     };
-    let (over_time, by_itself) = (flicker(clusters.clone()), flicker(shot.column_clusters(50).into()));
+    let (over_time, by_itself) =
+        (flicker(clusters.clone()), flicker(shot.column_clusters(50).into()));
     assert!(over_time < 0.7 * by_itself, "{over_time} against {by_itself}");
 }
 
@@ -129,10 +134,17 @@ fn drawn_representatives_are_right_on_average() {
     let mut mean = vec![DVec3::ZERO; reference[0].radiance.len()];
     let mut squares = 0.0;
     for seed in 0..SEEDS {
-        let node = nodes::Representatives { count: 20, choose: Choose::Random, scale: Scale::Scalar, seed };
+        let node = nodes::Representatives {
+            count: 20,
+            choose: Choose::Random,
+            scale: Scale::Scalar,
+            seed,
+        };
         let images = shot.reconstruct(shot.representatives(&clusters, &node), &[]);
         squares += relative_l2(&images, &reference).powi(2);
-        mean.iter_mut().zip(&*images[0].radiance).for_each(|(m, p)| *m += p.as_dvec3() / SEEDS as f64);
+        mean.iter_mut()
+            .zip(&*images[0].radiance)
+            .for_each(|(m, p)| *m += p.as_dvec3() / SEEDS as f64);
     }
     let (width, height) = reference[0].size();
     let mean = Image::new(width, height, mean.iter().map(|m| m.as_vec3()).collect());
@@ -145,7 +157,8 @@ fn drawn_representatives_are_right_on_average() {
 fn the_order_of_lights_does_not_count() {
     let shot = shot(1, SIZE, 250, [4, 3]);
     let lights = &shot.lights[0];
-    let order: Vec<usize> = (0..lights.kind.len()).map(|j| (j * 77 + 13) % lights.kind.len()).collect();
+    let order: Vec<usize> =
+        (0..lights.kind.len()).map(|j| (j * 77 + 13) % lights.kind.len()).collect();
     let mut sorted = order.clone();
     sorted.sort_unstable();
     assert!(sorted.iter().enumerate().all(|(i, j)| i == *j), "a permutation");
@@ -159,7 +172,8 @@ fn the_order_of_lights_does_not_count() {
         identity: 1,
     }
     .into();
-    let (image, reference) = (shot.frames[0].reference(&permuted), shot.frames[0].reference(lights));
+    let (image, reference) =
+        (shot.frames[0].reference(&permuted), shot.frames[0].reference(lights));
     assert!(relative_l2(&[image], &[reference]) < 1e-6);
     // Approximated, it is another draw of the same quality.
     let other = Shot::new(shot.frames.clone(), vec![permuted], [4, 3]);
@@ -172,10 +186,14 @@ fn the_order_of_lights_does_not_count() {
 fn state(next: u32, images: &[Image]) -> Vec<u8> {
     let pixels = images[0].radiance.len();
     let flat: Vec<Vec3> = images.iter().flat_map(|i| i.radiance.to_vec()).collect();
-    let check: Array<u8> = blake3::hash(bytemuck::cast_slice(&flat)).as_bytes().to_vec().into();
     let flat = Array::shaped(flat, &[images.len(), pixels]);
+    let check: Array<u8> = blake3::hash(flat.view().bytes).as_bytes().to_vec().into();
     let mut bytes = Vec::new();
-    write_arrays(&mut bytes, &[("next", next.view()), ("images", flat.view()), ("check", check.view())]).unwrap();
+    write_arrays(
+        &mut bytes,
+        &[("next", next.view()), ("images", flat.view()), ("check", check.view())],
+    )
+    .unwrap();
     bytes
 }
 
@@ -212,7 +230,8 @@ fn an_interrupted_reconstruction_goes_on_to_the_same_bits() {
     stop.store(false, Ordering::Relaxed);
 
     let resumed = ctx(Box::new(|_, _| {}));
-    let images = nodes::Reconstruct {}.run(shot.to_reconstruct(all, &maps), &resumed).unwrap().items;
+    let images =
+        nodes::Reconstruct {}.run(shot.to_reconstruct(all, &maps), &resumed).unwrap().items;
     assert_eq!(resumed.notes(), ["went on from a checkpoint at step 2"]);
     assert!(images.iter().zip(&whole).all(|(a, b)| same(a, b)));
 }
@@ -260,10 +279,14 @@ fn no_cluster_reaches_across_a_camera_cut() {
         let ctx = Ctx::default();
         let clusters = node.run(input, &ctx).unwrap();
         let spans = |c: &nodes::kernel::clustering::Cluster| c.first_frame < 2 && c.last_frame > 2;
-        let count = [1, 60, 120].map(|count| cut(&clusters, count).unwrap().iter().filter(|c| spans(c)).count());
+        let count = [1, 60, 120]
+            .map(|count| cut(&clusters, count).unwrap().iter().filter(|c| spans(c)).count());
         (count, ctx.notes())
     };
-    assert_eq!(across(&maps), ([0; 3], vec!["the camera cuts at 1 places of the chunk".to_owned()]));
+    assert_eq!(
+        across(&maps),
+        ([0; 3], vec!["the camera cuts at 1 places of the chunk".to_owned()])
+    );
     assert!(across(&[]).0[0] > 0, "without maps, nothing tells of the cut");
     // Nothing is carried over: each side is as good as by itself.
     let error = relative_l2(&shot.render(10, 100), &shot.reference());

@@ -1,8 +1,10 @@
 //! `check`: every mistake of a graph file, before anything runs.
 
+use super::output::{say, say_json};
 use super::session::{Failure, Session, print_diagnostics};
 use super::{Common, GraphArgs};
 use crate::registry::Registry;
+use serde_json::json;
 
 #[derive(clap::Args)]
 pub struct Check {
@@ -15,11 +17,9 @@ impl Check {
         let graph = Session::graph(&self.graph, registry)?;
         let (nodes, outputs, vars) = (graph.nodes.len(), graph.outputs.len(), graph.vars.len());
         if common.json {
-            println!("{}", serde_json::json!({ "ok": true, "nodes": nodes, "outputs": outputs, "variables": vars }));
-        } else {
-            print_diagnostics(&graph.warnings);
-            println!("ok  {nodes} nodes, {outputs} outputs, {vars} variables");
+            return say_json(&json!({ "ok": true, "nodes": nodes, "outputs": outputs, "variables": vars }));
         }
-        Ok(())
+        print_diagnostics(&graph.warnings);
+        say(format_args!("ok  {nodes} nodes, {outputs} outputs, {vars} variables\n"))
     }
 }

@@ -1,19 +1,22 @@
 //! `init`: the graph that a scene requires, with a comment on each choice. What a scene does not
 //! need is not in its graph.
 
+mod needs;
+mod paths;
+mod template;
+
 use super::Common;
+use super::output::{say, say_json};
 use super::session::{Failure, print_diagnostics};
 use crate::graph::Graph;
 use crate::registry::Registry;
 use lightloom_nodes as nodes;
-use nodes::data::{Scene, alpha, instance};
-use nodes::kernel::animation::moving;
-use nodes::kernel::stage::Stage;
-use nodes::node::{Ctx, Error, File, Item, Node};
-use std::collections::BTreeSet;
-use std::f64::consts::PI;
+use needs::Needs;
+use nodes::node::{Ctx, Error, File, Node};
+use paths::quoted;
 use std::io::Write as _;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
+use template::fill;
 
 #[derive(clap::Args)]
 pub struct Init {
@@ -90,14 +93,12 @@ impl Init {
         if common.json {
             let notes = ctx.notes();
             let report = serde_json::json!({ "ok": true, "graph": out, "nodes": count, "frames": frames, "notes": notes });
-            println!("{report}");
-        } else {
-            print_diagnostics(&graph.warnings);
-            ctx.notes().iter().for_each(|note| eprintln!("note: {note}"));
-            let what = if frames == 1 { "a still".to_owned() } else { format!("{frames} frames") };
-            println!("{}: {what}, {count} nodes; `lightloom run {0}` renders it", out.display());
+            return say_json(&report);
         }
-        Ok(())
+        print_diagnostics(&graph.warnings);
+        ctx.notes().iter().for_each(|note| eprintln!("note: {note}"));
+        let what = if frames == 1 { "a still".to_owned() } else { format!("{frames} frames") };
+        say(format_args!("{}: {what}, {count} nodes; `lightloom run {0}` renders it\n", out.display()))
     }
 }
 
@@ -121,154 +122,6 @@ fn write(out: &Path, text: &str, force: bool) -> Result<(), Failure> {
         std::io::ErrorKind::AlreadyExists => exists(out),
         _ => Failure::Usage(format!("{}: cannot be written: {e}", out.display())),
     })
-}
-
-/// The path of `file` from `folder`, as a string of a graph file: the two can move together.
-fn quoted(folder: &Path, file: &Path) -> Result<String, Failure> {
-    let wrong =
-        |what: &dyn std::fmt::Display| Failure::Usage(format!("{}: {what}", file.display()));
-    // An empty path is the current folder, which cannot be made absolute as it is.
-    let [from, to] =
-        [&Path::new(".").join(folder), file].map(|p| std::path::absolute(p).map(|p| tidy(&p)));
-    let path = relative(&from.map_err(|e| wrong(&e))?, &to.map_err(|e| wrong(&e))?);
-    let parts: Option<Vec<&str>> = path.iter().map(|part| part.to_str()).collect();
-    let text = match (parts, path.has_root()) {
-        (Some(parts), false) => parts.join("/"),
-        _ => path
-            .to_str()
-            .ok_or_else(|| wrong(&"its path is not Unicode, as graph files are"))?
-            .to_owned(),
-    };
-    // A string that starts with a dollar sign names a variable.
-    Ok(if text.starts_with('$') {
-        format!("{:?}", format!("./{text}"))
-    } else {
-        format!("{text:?}")
-    })
-}
-
-/// An absolute path without `..`, as its text says.
-fn tidy(path: &Path) -> PathBuf {
-    path.components().fold(PathBuf::new(), |mut tidied, part| {
-        match part {
-            Component::ParentDir => drop(tidied.pop()),
-            part => tidied.push(part),
-        }
-        tidied
-    })
-}
-
-/// The way from one absolute path to another; the other itself when nothing is common to them.
-fn relative(from: &Path, to: &Path) -> PathBuf {
-    let common = from.components().zip(to.components()).take_while(|(a, b)| a == b).count();
-    if common == 0 {
-        return to.to_owned();
-    }
-    let up = from.components().skip(common).map(|_| Component::ParentDir);
-    up.chain(to.components().skip(common)).collect()
-}
-
-/// What a scene has, as far as it decides the graph.
-struct Needs {
-    /// Cameras, and whether the first moves.
-    cameras: (usize, bool),
-    /// Point, spot and directional lights that are not black, and whether one moves.
-    lights: ([usize; 3], bool),
-    /// Emitting triangles at the start, their area in square metres and power in watts.
-    emissive: (usize, f64, f64),
-    /// Exposure that brings what the strongest lights shine on to about 1; never above 0.
-    stops: i32,
-    /// End of the animation, seconds.
-    seconds: f64,
-    /// Instances that move as they are, and those that deform.
-    instances: [usize; 2],
-    /// Materials in use that are double-sided, and those that have an alpha mask.
-    materials: [usize; 2],
-    triangles: usize,
-    /// Diagonal of the bounding box at the start, metres.
-    diagonal: f64,
-}
-
-impl Needs {
-    fn of(scene: Scene, ctx: &Ctx) -> Result<Needs, Error> {
-        let scene: Item<Scene> = scene.into();
-        let geometry: Item<_> =
-            nodes::Geometry::default().run(nodes::GeometryIn { scene: scene.clone() }, ctx)?.into();
-        if geometry.triangle.is_empty() || geometry.instance.is_empty() {
-            return Err(Error::invalid("the scene has no triangles, so there is nothing to light"));
-        }
-        let moving = moving(&scene)?;
-        let moves = |node: f32| moving.get(node as usize).copied().unwrap_or(false);
-        let lit: Vec<_> = scene.light.iter().filter(|l| l[2..5].iter().any(|c| *c > 0.0)).collect();
-        let lights = [0.0, 1.0, 2.0].map(|kind| lit.iter().filter(|l| l[1] == kind).count());
-        let motion = |kind| geometry.instance.iter().filter(|i| i[2] == kind).count();
-        let used: BTreeSet<u32> = geometry.triangle_material.iter().copied().collect();
-        let used_and =
-            |has: &dyn Fn(usize) -> bool| used.iter().filter(|m| has(**m as usize)).count();
-        let emissive = emission(&scene, &geometry, ctx)?;
-        let diagonal = f64::from(geometry.diagonal);
-        // Where lights shine on grey from half the diagonal, and emitters on the sphere around all.
-        let reach = |l: &[f32; 7]| if l[1] == 2.0 { 1.0 } else { (diagonal / 2.0).powi(2) };
-        let near = lit.iter().map(|l| f64::from(l[2] + l[3] + l[4]) / 3.0 / reach(l)).sum::<f64>();
-        let radiance = (near + emissive.2 / (PI * diagonal * diagonal)) * 0.5 / PI;
-        Ok(Needs {
-            cameras: (scene.camera.len(), scene.camera.first().is_some_and(|c| moves(c[0]))),
-            lights: (lights, lit.iter().any(|l| moves(l[0]))),
-            emissive,
-            // Below two stops the guess is worse than none; the limit is that of the pictures.
-            stops: if radiance > 4.0 { -(radiance.log2().round().min(64.0) as i32) } else { 0 },
-            seconds: scene.key_time.iter().copied().fold(0.0, f32::max).into(),
-            instances: [instance::RIGID, instance::DEFORMING].map(motion),
-            materials: [
-                used_and(&|m| scene.double_sided[m] == 1),
-                used_and(&|m| scene.alpha_mode[m][0] == alpha::MASK),
-            ],
-            triangles: geometry
-                .instance
-                .iter()
-                .map(|i| geometry.mesh[i[0] as usize][1] as usize)
-                .sum(),
-            diagonal,
-        })
-    }
-
-    fn shapes_move(&self) -> bool {
-        self.instances != [0, 0]
-    }
-
-    fn moves(&self) -> bool {
-        self.shapes_move() || self.cameras.1 || self.lights.1
-    }
-
-    fn punctual(&self) -> usize {
-        self.lights.0.iter().sum()
-    }
-}
-
-/// Emitting triangles, their area and power: as `EmissiveLights` sees them, at their centroids.
-fn emission(
-    scene: &Item<Scene>,
-    geometry: &Item<nodes::data::Geometry>,
-    ctx: &Ctx,
-) -> Result<(usize, f64, f64), Error> {
-    if scene.emissive.iter().all(|e| e.max_element() <= 0.0) {
-        return Ok((0, 0.0, 0.0));
-    }
-    let materials =
-        nodes::Materials {}.run(nodes::MaterialsIn { scene: scene.clone() }, ctx)?.into();
-    let poses =
-        nodes::Poses {}.run(nodes::PosesIn { scene: scene.clone(), time: None }, ctx)?.into();
-    let stage = Stage::of(ctx, geometry, &materials, &poses)?;
-    let mut sum = (0, 0.0, 0.0);
-    for triangle in 0..stage.triangles() {
-        let surface = stage.surface(triangle, 1.0 / 3.0, 1.0 / 3.0);
-        let area = f64::from(stage.area(triangle)) * if surface.double_sided { 2.0 } else { 1.0 };
-        let radiance = f64::from(surface.emitted.element_sum() / 3.0);
-        if area * radiance > 0.0 {
-            sum = (sum.0 + 1, sum.1 + area, sum.2 + PI * area * radiance);
-        }
-    }
-    Ok(sum)
 }
 
 /// The frames to render.
@@ -302,113 +155,6 @@ impl Shot {
 
 /// Lights in all, of an environment, and on the sun's disc (Hašan et al. 2008, section 5).
 const LIGHTS: [usize; 3] = [65_536, 16_384, 16];
-
-/// The graph of every scene. A line stands in a graph whose scene has all that is named before the
-/// bar, nothing with an exclamation mark among it; `<name>` is a value of that scene.
-const TEMPLATE: &str = r#"|#![enable(implicit_some)]
-|// <name>, as `lightloom init` wrote it: <triangles> triangles, <across> m across.
-shot|// A shot by tensor clustering (Hašan et al. 2008).
-!shot|// A still by matrix row-column sampling (Hašan et al. 2007).
-|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' --set columns=50
-|Graph(
-|    // Knobs: used as "$name" below; vary one with --set name=value.
-|    vars: {
-|        "size": <size>, // pixels
-|        // Bins across and down: one row of the lighting matrix in each.
-shot|        "rows": (10, 10),
-!shot|        "rows": (20, 15),
-shot|        "columns": 200, // representatives a frame, on average
-!shot|        "columns": 900, // representatives: three for each row
-|        "lights": <total>, // at most, those of bounce light included
-|        "seed": 1, // of all that is random
-shot|        "fps": <fps>, // frames a second
-sky|        "sun": (35.0, 60.0), // elevation, and azimuth from +X towards +Z, degrees
-|    },
-|    nodes: {
-shot,moves|        // The frames fill the file's first animation, <seconds> s.
-shot,!moves|        // Nothing but the camera moves, for <seconds> s.
-shot|        "frames": Frames(first: 0, last: <last>, fps: "$fps"),
-shot|
-moves|        // `clip: 1` takes the second animation, where the file has one.
-|        "<file>": Scene(file: <scene>),
-ground|        // A ground just below the lowest point, to catch shadows (--ground).
-ground|        "scene": Ground(scene: "file"),
-|        "geometry": Geometry(scene: "scene"),
-masked|        // Rays pass where alpha is below the cutoff: <masked> materials have an alpha mask.
-|        "materials": Materials(scene: "scene"),
-posed|        // Without a time, `rest` ties lights to surfaces: light j is the same light in every frame.
-posed|        "rest": Poses(scene: "scene"),
-posed|        // <rigid> instances move as they are, <deforming> deform.
-!posed|        // Without a time: the surfaces stand still.
-|        "poses": Poses(scene: "scene"<poses_time>),
-subject|        // What the camera looks at: the scene without its ground.
-subject|        "subject": Geometry(scene: "file"),
-lights_only|        // Only lights move. The camera takes the time all the same: maps and frames need a framebuffer
-lights_only|        // for each frame, and equal ones are made once.
-camera|        // The first of the file's <cameras> cameras.
-camera|        "<own_camera>": Camera(scene: "scene", index: 0<camera_time>),
-!camera|        // The file has no camera. This one has all in view; azimuth, elevation and distance move it.
-!camera,!orbit|        "camera": OrbitCamera(geometry: "<subject>"<camera_time>, azimuth: 0, elevation: 15, distance: 1),
-orbit|        // It turns around the centre; the next frame after the last would complete the angle (--orbit).
-orbit,camera|        "camera": OrbitCamera(geometry: "<subject>", time: "frames", base: "own_camera", degrees: <degrees>, seconds: <seconds>),
-orbit,!camera|        "camera": OrbitCamera(geometry: "<subject>", time: "frames", degrees: <degrees>, seconds: <seconds>, azimuth: 0, elevation: 15, distance: 1),
-|
-punctual|        // The file's own lights: <points> points, <spots> spots, <directional> directional.
-punctual|        "punctual": PunctualLights(scene: "scene"<lights_time>),
-sky|        // The scene has no light of its own: a clear sky and its sun, so that there is something to
-sky|        // see. `lightloom init --environment MAP` takes another sky.
-sky|        "environment": Sky(sun: "$sun"),
-sky|        "sun": SunLights(sun: "$sun"),
-map|        // Light from all around (--environment); `rotation` turns it, `scale` dims it.
-map|        "environment": EnvironmentMap(file: <map>, rotation: 0, scale: 1),
-around|        "environment_lights": EnvironmentLights(environment: "environment", count: <around>, seed: "$seed"),
-emissive|        // <emissive> triangles emit: <area> square metres, <power> W. Large emitters are close to much of
-emissive|        // what they light, and ask for more lights.
-emissive|        "emissive": EmissiveLights(<at><emissive_rest>, count: <emitters>, seed: "$seed"),
-|
-|        // Bounce light: samples on all surfaces gather light and become lights. They ask each light of
-|        // the few; what the many send comes by photons.
-around,emissive|        "many": MergeLights(lights: ["environment_lights", "emissive"]),
-|        "photons": Photons(<at><direct><many>, seed: "$seed"),
-two_sided|        // Both sides reflect: <two_sided> materials are double-sided. With the others these are all lights.
-!two_sided|        // Only fronts reflect: no material is double-sided. With the others these are all lights.
-|        "samples": GatherSamples(geometry: "geometry", materials: "materials", rest: "<rest>", count: <samples>, sides: <sides>, seed: "$seed"),
-|        "bounce": GatherLights(samples: "samples", <at><direct>, photons: "photons"),
-|        "lights": MergeLights(lights: <all>, total: "$lights"),
-|
-|        // What the camera sees, and a few rows of the lighting matrix.
-|        "framebuffer": DeepFramebuffer(<at>, camera: "camera"<background>, size: "$size"),
-|        "rows": Rows(framebuffer: "framebuffer", lights: "lights", <at>, bins: "$rows"),
-|
-shot|        // Clusters over lights and time; a column is mapped from its frame to the frames that it serves.
-shot|        "maps": PixelMaps(framebuffer: "framebuffer", geometry: "geometry"),
-shot|        "clusters": Clusters(rows: "rows", maps: "maps", seed: "$seed"),
-!shot|        // Clusters of lights: this is a single frame.
-!shot|        "clusters": ColumnClusters(rows: "rows", count: "$columns", seed: "$seed"),
-|        // The brightest light stands for its cluster, scaled in each colour.
-|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: max, scale: rgb),
-|        "image": Reconstruct(representatives: "representatives", framebuffer: "framebuffer", lights: "lights", <at><maps>),
-|        "smooth": AntiAlias(image: "image", framebuffer: "framebuffer", <at>, camera: "camera"<background>),
-|
-|        // To measure the error, uncomment these two and the output below; adding up all lights takes long.
-|        // "reference": Reference(framebuffer: "framebuffer", lights: "lights", <at>),
-|        // "compare": Compare(image: "image", reference: "reference"),
-|
-|        // Radiance as it is, and something to look at; an exposure of 1 makes it twice as bright.
-bright|        // The lights are strong: the exposure is a guess from their distance and power.
-sky|        // In the sun, one stop less.
-|        "exr": Exr(image: "smooth", precision: half),
-shot|        "preview": Apng(images: "smooth", fps: "$fps", exposure: <exposure>),
-!shot|        "png": Png(image: "smooth", exposure: <exposure>),
-|    },
-|    outputs: {
-|        "frame": "exr",
-shot|        "preview": "preview",
-!shot|        "picture": "png",
-|        // "error": "compare",
-|    },
-|)
-"#;
 
 impl Init {
     /// The text of the graph; `files` are the scene and the map as they stand in it.
@@ -525,29 +271,9 @@ fn file_name(path: &Path) -> String {
     name.to_string_lossy().escape_debug().to_string()
 }
 
-/// The lines of the template that hold, with their values.
-fn fill(has: &[(&str, bool)], values: &[(&str, String)]) -> String {
-    let holds = |word: &str| has.contains(&(word.trim_start_matches('!'), !word.starts_with('!')));
-    let value = |name| values.iter().find(|(n, _)| *n == name).map_or("", |(_, value)| value);
-    let mut text = String::new();
-    for line in TEMPLATE.lines() {
-        let Some((words, line)) = line.split_once('|') else { continue };
-        if !words.split(',').all(|word| word.is_empty() || holds(word)) {
-            continue;
-        }
-        for (i, part) in line.split('<').enumerate() {
-            match part.split_once('>') {
-                Some((name, rest)) if i > 0 => text.extend([value(name), rest]),
-                _ => text.push_str(part),
-            }
-        }
-        text.push('\n');
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
+    use super::paths::relative;
     use super::*;
     use std::fs;
 

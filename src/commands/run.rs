@@ -1,11 +1,13 @@
 //! `run`: runs what the cache does not have and publishes the outputs.
 
+use super::output::{say, say_json};
 use super::progress::{Bars, Lines, Silent};
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
 use crate::engine::{self, Options, Progress, Published, Summary, publish};
 use crate::registry::Registry;
 use lightloom_nodes::node::Digest;
+use serde_json::json;
 use std::collections::BTreeSet;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -58,13 +60,11 @@ impl Run {
         let published = publish(&session.graph, &plan, &known, &session.store, &folder)?;
         let pinned: BTreeSet<Digest> = known.held.iter().flatten().flatten().map(|h| h.digest).collect();
         session.store.evict(&pinned)?;
-        if common.json {
-            print_json(&summary, &folder, &published);
-        } else {
-            print_text(&summary, &folder, &published);
-        }
         session.store.damage().iter().for_each(|d| eprintln!("repaired: {d}"));
-        Ok(())
+        match common.json {
+            true => say_json(&as_json(&summary, &folder, &published)),
+            false => say(as_text(&summary, &folder, &published)),
+        }
     }
 }
 
@@ -87,16 +87,18 @@ fn stop_on_interrupt() -> Arc<AtomicBool> {
     cancelled
 }
 
-fn print_json(summary: &Summary, folder: &Path, published: &[Published]) {
+fn as_json(summary: &Summary, folder: &Path, published: &[Published]) -> serde_json::Value {
     let files: Vec<_> = published
         .iter()
-        .map(|p| serde_json::json!({ "output": p.output, "path": p.path, "figures": p.figures }))
+        .map(|p| json!({ "output": p.output, "path": p.path, "figures": p.figures }))
         .collect();
-    println!("{}", serde_json::json!({ "ok": true, "summary": summary, "folder": folder, "published": files }));
+    json!({ "ok": true, "summary": summary, "folder": folder, "published": files })
 }
 
-fn print_text(summary: &Summary, folder: &Path, published: &[Published]) {
-    let width = summary.nodes.iter().map(|n| n.name.len()).max().unwrap_or(0);
+fn as_text(summary: &Summary, folder: &Path, published: &[Published]) -> String {
+    let names = summary.nodes.iter().map(|n| n.name.len()).max().unwrap_or(0);
+    let kinds = summary.nodes.iter().map(|n| n.kind.len()).max().unwrap_or(0);
+    let mut lines = Vec::new();
     for node in &summary.nodes {
         let reused = node.executions - node.ran;
         let what = match (node.ran, reused) {
@@ -104,19 +106,17 @@ fn print_text(summary: &Summary, folder: &Path, published: &[Published]) {
             (ran, 0) => format!("ran {ran} in {:.2} s", node.seconds),
             (ran, reused) => format!("ran {ran} in {:.2} s, reused {reused}", node.seconds),
         };
-        println!("  {:width$}  {:16}  {what}", node.name, node.kind);
-        node.notes.iter().for_each(|note| println!("  {:width$}  note: {note}", ""));
+        lines.push(format!("  {:names$}  {:kinds$}  {what}", node.name, node.kind));
+        lines.extend(node.notes.iter().map(|note| format!("  {:names$}  note: {note}", "")));
     }
     for p in published.iter().filter(|p| !p.figures.is_empty()) {
         let figures: Vec<String> = p.figures.iter().map(|(name, mean)| format!("{name} {mean:.6}")).collect();
-        println!("  {}: {}", p.output, figures.join(", "));
+        lines.push(format!("  {}: {}", p.output, figures.join(", ")));
     }
     let (ran, all) = summary.ran();
-    println!(
-        "{ran} of {all} executions ran, {} reused, in {:.2} s; peak memory {:.2} GB",
-        all - ran,
-        summary.seconds,
-        summary.peak_bytes as f64 * 1e-9
-    );
-    println!("{} files in {}", published.len(), folder.display());
+    let (seconds, memory) = (summary.seconds, summary.peak_bytes as f64 * 1e-9);
+    let reused = all - ran;
+    lines.push(format!("{ran} of {all} executions ran, {reused} reused, in {seconds:.2} s; peak memory {memory:.2} GB"));
+    lines.push(format!("{} files in {}\n", published.len(), folder.display()));
+    lines.join("\n")
 }

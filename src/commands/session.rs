@@ -1,5 +1,6 @@
 //! What commands share: reading a graph, opening the cache, and failing well.
 
+use super::output::say_json;
 use super::{Common, GraphArgs};
 use crate::engine::{EngineError, Plan};
 use crate::graph::{Diagnostic, Graph, Override};
@@ -52,7 +53,9 @@ impl Failure {
             Failure::Engine(error) => vec![serde_json::json!({ "message": error.to_string() })],
         };
         if json {
-            println!("{}", serde_json::json!({ "ok": false, "exit_code": self.code(), "errors": messages }));
+            let document = serde_json::json!({ "ok": false, "exit_code": self.code(), "errors": messages });
+            // The failure itself is what counts, even where its report cannot be written.
+            let _ = say_json(&document);
             return ExitCode::from(self.code());
         }
         match self {

@@ -1,0 +1,129 @@
+//! The graph of every scene as one text, of which each scene takes its lines.
+
+/// The graph of every scene. A line stands in a graph whose scene has all that is named before the
+/// bar, nothing with an exclamation mark among it; `<name>` is a value of that scene.
+pub const TEMPLATE: &str = r#"|#![enable(implicit_some)]
+|// <name>, as `lightloom init` wrote it: <triangles> triangles, <across> m across.
+shot|// A shot by tensor clustering (Hašan et al. 2008).
+!shot|// A still by matrix row-column sampling (Hašan et al. 2007).
+|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' --set columns=50
+|Graph(
+|    // Knobs: used as "$name" below; vary one with --set name=value.
+|    vars: {
+|        "size": <size>, // pixels
+|        // Bins across and down: one row of the lighting matrix in each.
+shot|        "rows": (10, 10),
+!shot|        "rows": (20, 15),
+shot|        "columns": 200, // representatives a frame, on average
+!shot|        "columns": 900, // representatives: three for each row
+|        "lights": <total>, // at most, those of bounce light included
+|        "seed": 1, // of all that is random
+shot|        "fps": <fps>, // frames a second
+sky|        "sun": (35.0, 60.0), // elevation, and azimuth from +X towards +Z, degrees
+|    },
+|    nodes: {
+shot,moves|        // The frames fill the file's first animation, <seconds> s.
+shot,!moves|        // Nothing but the camera moves, for <seconds> s.
+shot|        "frames": Frames(first: 0, last: <last>, fps: "$fps"),
+shot|
+moves|        // `clip: 1` takes the second animation, where the file has one.
+|        "<file>": Scene(file: <scene>),
+ground|        // A ground just below the lowest point, to catch shadows (--ground).
+ground|        "scene": Ground(scene: "file"),
+|        "geometry": Geometry(scene: "scene"),
+masked|        // Rays pass where alpha is below the cutoff: <masked> materials have an alpha mask.
+|        "materials": Materials(scene: "scene"),
+posed|        // Without a time, `rest` ties lights to surfaces: light j is the same light in every frame.
+posed|        "rest": Poses(scene: "scene"),
+posed|        // <rigid> instances move as they are, <deforming> deform.
+!posed|        // Without a time: the surfaces stand still.
+|        "poses": Poses(scene: "scene"<poses_time>),
+subject|        // What the camera looks at: the scene without its ground.
+subject|        "subject": Geometry(scene: "file"),
+lights_only|        // Only lights move. The camera takes the time all the same: maps and frames need a framebuffer
+lights_only|        // for each frame, and equal ones are made once.
+camera|        // The first of the file's <cameras> cameras.
+camera|        "<own_camera>": Camera(scene: "scene", index: 0<camera_time>),
+!camera|        // The file has no camera. This one has all in view; azimuth, elevation and distance move it.
+!camera,!orbit|        "camera": OrbitCamera(geometry: "<subject>"<camera_time>, azimuth: 0, elevation: 15, distance: 1),
+orbit|        // It turns around the centre; the next frame after the last would complete the angle (--orbit).
+orbit,camera|        "camera": OrbitCamera(geometry: "<subject>", time: "frames", base: "own_camera", degrees: <degrees>, seconds: <seconds>),
+orbit,!camera|        "camera": OrbitCamera(geometry: "<subject>", time: "frames", degrees: <degrees>, seconds: <seconds>, azimuth: 0, elevation: 15, distance: 1),
+|
+punctual|        // The file's own lights: <points> points, <spots> spots, <directional> directional.
+punctual|        "punctual": PunctualLights(scene: "scene"<lights_time>),
+sky|        // The scene has no light of its own: a clear sky and its sun, so that there is something to
+sky|        // see. `lightloom init --environment MAP` takes another sky.
+sky|        "environment": Sky(sun: "$sun"),
+sky|        "sun": SunLights(sun: "$sun"),
+map|        // Light from all around (--environment); `rotation` turns it, `scale` dims it.
+map|        "environment": EnvironmentMap(file: <map>, rotation: 0, scale: 1),
+around|        "environment_lights": EnvironmentLights(environment: "environment", count: <around>, seed: "$seed"),
+emissive|        // <emissive> triangles emit: <area> square metres, <power> W. Large emitters are close to much of
+emissive|        // what they light, and ask for more lights.
+emissive|        "emissive": EmissiveLights(<at><emissive_rest>, count: <emitters>, seed: "$seed"),
+|
+|        // Bounce light: samples on all surfaces gather light and become lights. They ask each light of
+|        // the few; what the many send comes by photons.
+around,emissive|        "many": MergeLights(lights: ["environment_lights", "emissive"]),
+|        "photons": Photons(<at><direct><many>, seed: "$seed"),
+two_sided|        // Both sides reflect: <two_sided> materials are double-sided. With the others these are all lights.
+!two_sided|        // Only fronts reflect: no material is double-sided. With the others these are all lights.
+|        "samples": GatherSamples(geometry: "geometry", materials: "materials", rest: "<rest>", count: <samples>, sides: <sides>, seed: "$seed"),
+|        "bounce": GatherLights(samples: "samples", <at><direct>, photons: "photons"),
+|        "lights": MergeLights(lights: <all>, total: "$lights"),
+|
+|        // What the camera sees, and a few rows of the lighting matrix.
+|        "framebuffer": DeepFramebuffer(<at>, camera: "camera"<background>, size: "$size"),
+|        "rows": Rows(framebuffer: "framebuffer", lights: "lights", <at>, bins: "$rows"),
+|
+shot|        // Clusters over lights and time; a column is mapped from its frame to the frames that it serves.
+shot|        "maps": PixelMaps(framebuffer: "framebuffer", geometry: "geometry"),
+shot|        "clusters": Clusters(rows: "rows", maps: "maps", seed: "$seed"),
+!shot|        // Clusters of lights: this is a single frame.
+!shot|        "clusters": ColumnClusters(rows: "rows", count: "$columns", seed: "$seed"),
+|        // The brightest light stands for its cluster, scaled in each colour.
+|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: max, scale: rgb),
+|        "image": Reconstruct(representatives: "representatives", framebuffer: "framebuffer", lights: "lights", <at><maps>),
+|        "smooth": AntiAlias(image: "image", framebuffer: "framebuffer", <at>, camera: "camera"<background>),
+|
+|        // To measure the error, uncomment these two and the output below; adding up all lights takes long.
+|        // "reference": Reference(framebuffer: "framebuffer", lights: "lights", <at>),
+|        // "compare": Compare(image: "image", reference: "reference"),
+|
+|        // Radiance as it is, and something to look at; an exposure of 1 makes it twice as bright.
+bright|        // The lights are strong: the exposure is a guess from their distance and power.
+sky|        // In the sun, one stop less.
+|        "exr": Exr(image: "smooth", precision: half),
+shot|        "preview": Apng(images: "smooth", fps: "$fps", exposure: <exposure>),
+!shot|        "png": Png(image: "smooth", exposure: <exposure>),
+|    },
+|    outputs: {
+|        "frame": "exr",
+shot|        "preview": "preview",
+!shot|        "picture": "png",
+|        // "error": "compare",
+|    },
+|)
+"#;
+
+/// The lines of the template that hold, with their values.
+pub fn fill(has: &[(&str, bool)], values: &[(&str, String)]) -> String {
+    let holds = |word: &str| has.contains(&(word.trim_start_matches('!'), !word.starts_with('!')));
+    let value = |name| values.iter().find(|(n, _)| *n == name).map_or("", |(_, value)| value);
+    let mut text = String::new();
+    for line in TEMPLATE.lines() {
+        let Some((words, line)) = line.split_once('|') else { continue };
+        if !words.split(',').all(|word| word.is_empty() || holds(word)) {
+            continue;
+        }
+        for (i, part) in line.split('<').enumerate() {
+            match part.split_once('>') {
+                Some((name, rest)) if i > 0 => text.extend([value(name), rest]),
+                _ => text.push_str(part),
+            }
+        }
+        text.push('\n');
+    }
+    text
+}
