@@ -24,9 +24,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let folder = Path::new("graphs");
     let text = std::fs::read_to_string(folder.join("quick.ron"))?;
     let small = [Override("size=(96, 54)".into()), Override("columns=60".into())];
-    let graph = Graph::read(&text, "graphs/quick.ron", folder, &registry, &small).map_err(|mistakes| {
-        mistakes.iter().map(|m| m.render(false)).collect::<Vec<_>>().join("\n")
-    })?;
+    let graph =
+        Graph::read(&text, "graphs/quick.ron", folder, &registry, &small).map_err(|mistakes| {
+            mistakes.iter().map(|m| m.render(false)).collect::<Vec<_>>().join("\n")
+        })?;
 
     let store = Arc::new(Store::open(Path::new(".lightloom"), None)?);
     let wanted: Vec<usize> = graph.outputs.iter().map(|(_, node)| *node).collect();

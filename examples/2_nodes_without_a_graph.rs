@@ -10,12 +10,15 @@ fn main() -> Result<(), Error> {
     let ctx = Ctx::default();
     let scene = Item::from(Pavilion { detail: 0.3, ..Pavilion::default() }.run((), &ctx)?);
     let geometry = Item::from(Geometry::default().run(GeometryIn { scene: scene.clone() }, &ctx)?);
-    let materials = Item::from(Materials::default().run(MaterialsIn { scene: scene.clone() }, &ctx)?);
-    let poses = Item::from(Poses::default().run(PosesIn { scene: scene.clone(), time: None }, &ctx)?);
+    let materials =
+        Item::from(Materials::default().run(MaterialsIn { scene: scene.clone() }, &ctx)?);
+    let poses =
+        Item::from(Poses::default().run(PosesIn { scene: scene.clone(), time: None }, &ctx)?);
     let camera = Item::from(Camera::default().run(CameraIn { scene, time: None }, &ctx)?);
     let environment = Item::from(Sky::default().run((), &ctx)?);
     let sky = EnvironmentLights { count: 1024, ..EnvironmentLights::default() };
-    let lights = Item::from(sky.run(EnvironmentLightsIn { environment: environment.clone() }, &ctx)?);
+    let lights =
+        Item::from(sky.run(EnvironmentLightsIn { environment: environment.clone() }, &ctx)?);
 
     let seen = DeepFramebuffer { size: [96, 54], ..DeepFramebuffer::default() };
     let input = DeepFramebufferIn {
@@ -61,7 +64,8 @@ fn main() -> Result<(), Error> {
         };
         let image = Reconstruct {}.run(input, &ctx)?.items.remove(0);
         let image = vec![Item::from(image)].into();
-        let error = Compare {}.run(CompareIn { image, reference: vec![truth.clone()].into() }, &ctx)?;
+        let error =
+            Compare {}.run(CompareIn { image, reference: vec![truth.clone()].into() }, &ctx)?;
         println!("{count:4} of 1024 columns: relative L2 error {:.4}", error.relative_l2[0]);
     }
     Ok(())

@@ -11,7 +11,9 @@ mod ports;
 pub use context::{Ctx, Derived};
 pub use digest::Digest;
 pub use params::{Choice, File, ParamSpec, ParamValue, Params, Problems, parse_number};
-pub use ports::{All, Binder, Cardinality, Inputs, Item, Many, Output, Port, PortSpec, Sequence, Sizes, Window};
+pub use ports::{
+    All, Binder, Cardinality, Inputs, Item, Many, Output, Port, PortSpec, Sequence, Sizes, Window,
+};
 
 use std::path::PathBuf;
 

@@ -65,7 +65,11 @@ impl<T: Element> Array<T> {
     /// # Panics
     /// When the number of values is not the product of the shape: an error of the calling code.
     pub fn shaped(values: Vec<T>, shape: &[usize]) -> Self {
-        assert_eq!(values.len(), shape.iter().product::<usize>(), "values do not fill shape {shape:?}");
+        assert_eq!(
+            values.len(),
+            shape.iter().product::<usize>(),
+            "values do not fill shape {shape:?}"
+        );
         Array { shape: shape.to_vec(), storage: Storage::Owned(values) }
     }
 
@@ -98,9 +102,12 @@ impl<T: Element> Clone for Array<T> {
     fn clone(&self) -> Self {
         let storage = match &self.storage {
             Storage::Owned(values) => Storage::Owned(values.clone()),
-            Storage::Mapped { bytes, start, end, .. } => {
-                Storage::Mapped { bytes: Arc::clone(bytes), start: *start, end: *end, element: PhantomData }
-            }
+            Storage::Mapped { bytes, start, end, .. } => Storage::Mapped {
+                bytes: Arc::clone(bytes),
+                start: *start,
+                end: *end,
+                element: PhantomData,
+            },
         };
         Array { shape: self.shape.clone(), storage }
     }
@@ -111,7 +118,9 @@ impl<T: Element> Deref for Array<T> {
     fn deref(&self) -> &[T] {
         match &self.storage {
             Storage::Owned(values) => values,
-            Storage::Mapped { bytes, start, end, .. } => bytemuck::cast_slice(&(**bytes).as_ref()[*start..*end]),
+            Storage::Mapped { bytes, start, end, .. } => {
+                bytemuck::cast_slice(&(**bytes).as_ref()[*start..*end])
+            }
         }
     }
 }
@@ -151,10 +160,18 @@ impl<T: Element> Field for Array<T> {
     fn load(arrays: &Arrays, name: &str) -> Result<Self, Error> {
         let (start, end, mut shape) = arrays.find(name, T::DTYPE, T::TRAIL)?;
         shape.truncate(shape.len() - T::TRAIL.len());
-        let aligned: Result<&[T], _> = bytemuck::try_cast_slice(&(*arrays.bytes).as_ref()[start..end]);
+        let aligned: Result<&[T], _> =
+            bytemuck::try_cast_slice(&(*arrays.bytes).as_ref()[start..end]);
         let storage = match aligned {
-            Ok(_) => Storage::Mapped { bytes: Arc::clone(&arrays.bytes), start, end, element: PhantomData },
-            Err(_) => Storage::Owned(bytemuck::pod_collect_to_vec(&(*arrays.bytes).as_ref()[start..end])),
+            Ok(_) => Storage::Mapped {
+                bytes: Arc::clone(&arrays.bytes),
+                start,
+                end,
+                element: PhantomData,
+            },
+            Err(_) => {
+                Storage::Owned(bytemuck::pod_collect_to_vec(&(*arrays.bytes).as_ref()[start..end]))
+            }
         };
         Ok(Array { shape, storage })
     }
@@ -194,7 +211,13 @@ impl Arrays {
             .iter()
             .map(|(name, view)| {
                 let start = view.data().as_ptr() as usize - base;
-                (name.to_owned(), view.dtype(), view.shape().to_vec(), start, start + view.data().len())
+                (
+                    name.to_owned(),
+                    view.dtype(),
+                    view.shape().to_vec(),
+                    start,
+                    start + view.data().len(),
+                )
             })
             .collect();
         Ok(Arrays { bytes, data, entries })
@@ -202,15 +225,26 @@ impl Arrays {
 
     /// Name, type and shape of every array, for people.
     pub fn describe(&self) -> Vec<(String, Dtype, Vec<usize>)> {
-        self.entries.iter().map(|(name, dtype, shape, ..)| (name.clone(), *dtype, shape.clone())).collect()
+        self.entries
+            .iter()
+            .map(|(name, dtype, shape, ..)| (name.clone(), *dtype, shape.clone()))
+            .collect()
     }
 
-    fn find(&self, name: &str, dtype: Dtype, trail: &[usize]) -> Result<(usize, usize, Vec<usize>), Error> {
+    fn find(
+        &self,
+        name: &str,
+        dtype: Dtype,
+        trail: &[usize],
+    ) -> Result<(usize, usize, Vec<usize>), Error> {
         let Some((_, found, shape, start, end)) = self.entries.iter().find(|e| e.0 == name) else {
             return Err(self.wrong(name, "an array of that name"));
         };
         if *found != dtype || !shape.ends_with(trail) {
-            return Err(self.wrong(name, &format!("{dtype:?} ending in {trail:?}, found {found:?} {shape:?}")));
+            return Err(self.wrong(
+                name,
+                &format!("{dtype:?} ending in {trail:?}, found {found:?} {shape:?}"),
+            ));
         }
         Ok((*start, *end, shape.clone()))
     }
@@ -233,7 +267,8 @@ pub fn write_arrays(out: &mut dyn Write, arrays: &[(&str, View<'_>)]) -> std::io
     for (name, view) in &order {
         let end = at + view.bytes.len();
         let dtype = serde_json::to_value(view.dtype)?;
-        let entry = serde_json::json!({ "dtype": dtype, "shape": view.shape, "data_offsets": [at, end] });
+        let entry =
+            serde_json::json!({ "dtype": dtype, "shape": view.shape, "data_offsets": [at, end] });
         header.insert((*name).to_owned(), entry);
         at = end;
     }
@@ -260,7 +295,11 @@ mod tests {
         let points = Array::shaped(vec![Vec3::X, Vec3::Y, Vec3::Z, Vec3::ONE], &[2, 2]);
         let marks: Array<u8> = vec![1, 2, 3].into();
         let cost = 2.5_f64;
-        let read = round_trip(&[("points", points.view()), ("marks", marks.view()), ("cost", cost.view())]);
+        let read = round_trip(&[
+            ("points", points.view()),
+            ("marks", marks.view()),
+            ("cost", cost.view()),
+        ]);
         let back = Array::<Vec3>::load(&read, "points").unwrap();
         assert_eq!((back.shape(), &back[..]), (&[2, 2][..], &points[..]));
         assert_eq!(&Array::<u8>::load(&read, "marks").unwrap()[..], [1, 2, 3]);
@@ -272,7 +311,10 @@ mod tests {
         let marks: Array<u8> = vec![1].into();
         let read = round_trip(&[("marks", marks.view())]);
         let text = |e: Error| e.to_string();
-        assert!(text(Array::<f32>::load(&read, "marks").unwrap_err()).contains("Test.marks: expected F32"));
+        assert!(
+            text(Array::<f32>::load(&read, "marks").unwrap_err())
+                .contains("Test.marks: expected F32")
+        );
         assert!(text(Array::<u8>::load(&read, "mark").unwrap_err()).contains("Test.mark"));
         assert!(Arrays::parse(Arc::new(vec![1_u8, 2, 3]), "Test").is_err());
     }

@@ -38,7 +38,8 @@ impl Reflectance {
         let edge = (self.specular.max_element() * 25.0).min(1.0);
         let fresnel = self.specular + (Vec3::splat(edge) - self.specular).max(Vec3::ZERO) * schlick;
         let dielectric = edge * (0.04 + 0.96 * schlick);
-        self.albedo * ((1.0 - dielectric) / PI) + fresnel * self.lobe(normal.dot(half), cos_eye, cos_light)
+        self.albedo * ((1.0 - dielectric) / PI)
+            + fresnel * self.lobe(normal.dot(half), cos_eye, cos_light)
     }
 
     /// Trowbridge-Reitz distribution times the height-correlated Smith visibility.
@@ -62,7 +63,8 @@ mod tests {
 
     #[test]
     fn a_dielectric_without_specular_is_lambertian() {
-        let matte = Reflectance { albedo: Vec3::new(0.8, 0.5, 0.1), specular: Vec3::ZERO, roughness: 0.3 };
+        let matte =
+            Reflectance { albedo: Vec3::new(0.8, 0.5, 0.1), specular: Vec3::ZERO, roughness: 0.3 };
         let f = matte.brdf(Vec3::Z, Vec3::Z, Vec3::new(0.6, 0.0, 0.8));
         assert!((f - matte.albedo / PI).abs().max_element() < 1e-7);
         assert_eq!(matte.brdf(Vec3::Z, Vec3::Z, -Vec3::Z), Vec3::ZERO);
@@ -72,11 +74,15 @@ mod tests {
     fn is_reciprocal_and_finite_at_the_extremes() {
         let eye = Vec3::new(0.3, 0.1, 0.9).normalize();
         for roughness in [0.0, 0.05, 0.5, 1.0] {
-            let shiny = Reflectance { albedo: Vec3::splat(0.5), specular: Vec3::splat(0.04), roughness };
+            let shiny =
+                Reflectance { albedo: Vec3::splat(0.5), specular: Vec3::splat(0.04), roughness };
             for z in [1e-6, 1e-3, 0.5, 1.0] {
                 let light = Vec3::new(1.0 - z, 0.2, z).normalize();
                 let (a, b) = (shiny.brdf(Vec3::Z, eye, light), shiny.brdf(Vec3::Z, light, eye));
-                assert!(a.is_finite() && (a - b).abs().max_element() <= 1e-4 * a.max_element(), "{a} {b}");
+                assert!(
+                    a.is_finite() && (a - b).abs().max_element() <= 1e-4 * a.max_element(),
+                    "{a} {b}"
+                );
             }
             let mirror = shiny.brdf(Vec3::Z, eye, Vec3::new(-eye.x, -eye.y, eye.z));
             assert!(mirror.is_finite());

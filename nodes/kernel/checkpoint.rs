@@ -53,11 +53,15 @@ impl Checkpoint {
 }
 
 fn write(path: &PathBuf, next: u32, images: &[Vec<Vec3>]) -> std::io::Result<()> {
-    let flat: Array<Vec3> = Array::shaped(images.concat(), &[images.len(), images.first().map_or(0, Vec::len)]);
+    let flat: Array<Vec3> =
+        Array::shaped(images.concat(), &[images.len(), images.first().map_or(0, Vec::len)]);
     let check = blake3::hash(bytemuck::cast_slice(&flat));
     let check: Array<u8> = check.as_bytes().to_vec().into();
     let mut out = BufWriter::new(fs::File::create(path)?);
-    write_arrays(&mut out, &[("next", next.view()), ("images", flat.view()), ("check", check.view())])?;
+    write_arrays(
+        &mut out,
+        &[("next", next.view()), ("images", flat.view()), ("check", check.view())],
+    )?;
     out.flush()
 }
 
@@ -70,7 +74,10 @@ fn read(path: &PathBuf, images: &mut [Vec<Vec3>]) -> Option<u32> {
     if flat.shape() != [images.len(), pixels] || pixels == 0 || !sound {
         return None;
     }
-    images.iter_mut().zip(flat.chunks_exact(pixels)).for_each(|(image, saved)| image.copy_from_slice(saved));
+    images
+        .iter_mut()
+        .zip(flat.chunks_exact(pixels))
+        .for_each(|(image, saved)| image.copy_from_slice(saved));
     u32::load(&arrays, "next").ok()
 }
 

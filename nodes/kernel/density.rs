@@ -30,7 +30,11 @@ impl<'a> Density<'a> {
             return Err(Error::invalid("a photon's position is not finite"));
         }
         let failed = |e| Error::invalid(format!("the photons cannot be put in a kd-tree: {e:?}"));
-        let tree = if points.is_empty() { None } else { Some(ImmutableKdTree::new_from_slice(&points).map_err(failed)?) };
+        let tree = if points.is_empty() {
+            None
+        } else {
+            Some(ImmutableKdTree::new_from_slice(&points).map_err(failed)?)
+        };
         let nearest = NonZeroUsize::new(nearest as usize).unwrap_or(NonZeroUsize::MIN);
         Ok(Density { photons, tree, nearest, radius })
     }
@@ -49,13 +53,16 @@ impl<'a> Density<'a> {
         for photon in &near {
             let i = photon.item as usize;
             farthest = farthest.max(photon.distance);
-            if self.photons.normal[i].dot(normal) > SAME_SIDE && self.photons.direction[i].dot(normal) < 0.0 {
+            if self.photons.normal[i].dot(normal) > SAME_SIDE
+                && self.photons.direction[i].dot(normal) < 0.0
+            {
                 flux += self.photons.power[i];
             }
         }
         // Fewer photons than asked for fill the whole radius; all of them on one spot fill nothing,
         // and a spot of a thousandth of the radius is taken instead of none.
-        let squared = if near.len() < self.nearest.get() { self.radius * self.radius } else { farthest };
+        let squared =
+            if near.len() < self.nearest.get() { self.radius * self.radius } else { farthest };
         let least = self.radius * self.radius * 1e-6;
         flux / (PI * squared.max(least).max(f32::MIN_POSITIVE))
     }
@@ -91,7 +98,10 @@ mod tests {
     #[test]
     fn no_photons_too_few_or_all_on_one_spot() {
         let none = plane(0);
-        assert_eq!(Density::new(&none, 10, 1.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y), Vec3::ZERO);
+        assert_eq!(
+            Density::new(&none, 10, 1.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y),
+            Vec3::ZERO
+        );
         let few = plane(3);
         let found = Density::new(&few, 1000, 2.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y);
         assert!((found.x - 2.0 / (PI * 4.0)).abs() < 1e-4, "{found}");

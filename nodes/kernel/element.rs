@@ -138,8 +138,9 @@ fn spot(cosine: f32, cone: Vec2) -> Option<f32> {
 #[inline]
 pub fn faces(receiver: &Receiver, light: &Light) -> bool {
     light.emission != Vec3::ZERO
-        && arrive(receiver, light)
-            .is_some_and(|(unit, _)| receiver.normal.dot(unit) > 0.0 && receiver.facet.dot(unit) > 0.0)
+        && arrive(receiver, light).is_some_and(|(unit, _)| {
+            receiver.normal.dot(unit) > 0.0 && receiver.facet.dot(unit) > 0.0
+        })
 }
 
 /// Radiance, W/(m^2 sr), that `light` adds to `receiver` in the direction of the eye if nothing is
@@ -167,7 +168,14 @@ mod tests {
 
     fn light(kind: LightKind, position: Vec3) -> Light {
         let emission = Vec3::splat(10.0);
-        Light { kind, position, direction: Vec3::NEG_Y, emission, cone: Vec2::new(0.9, 0.7), clamp: 0.0 }
+        Light {
+            kind,
+            position,
+            direction: Vec3::NEG_Y,
+            emission,
+            cone: Vec2::new(0.9, 0.7),
+            clamp: 0.0,
+        }
     }
 
     #[test]
@@ -187,7 +195,10 @@ mod tests {
         ];
         for (light, expected) in cases {
             let found = element(&floor(), &light);
-            assert!((found - Vec3::splat(expected)).abs().max_element() <= 1e-6, "{light:?}: {found}");
+            assert!(
+                (found - Vec3::splat(expected)).abs().max_element() <= 1e-6,
+                "{light:?}: {found}"
+            );
             assert_eq!(faces(&floor(), &light), expected > 0.0);
         }
     }

@@ -66,7 +66,10 @@ pub fn still() -> Poses {
 
 /// Two triangles that fill the parallelogram at `corner` with sides `u` and `v`; front: u x v.
 pub fn quad(corner: Vec3, u: Vec3, v: Vec3, material: u32) -> [([Vec3; 3], u32); 2] {
-    [([corner, corner + u, corner + u + v], material), ([corner, corner + u + v, corner + v], material)]
+    [
+        ([corner, corner + u, corner + u + v], material),
+        ([corner, corner + u + v, corner + v], material),
+    ]
 }
 
 /// The stage of a soup of triangles.

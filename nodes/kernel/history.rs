@@ -41,12 +41,15 @@ pub fn interleave(frames: &[History]) -> History {
         number.push((clusters..clusters + starts).collect());
         clusters += starts;
     }
-    let mut cost: Vec<f64> = frames.iter().map(|f| f.costs.first().copied().unwrap_or(0.0)).collect();
+    let mut cost: Vec<f64> =
+        frames.iter().map(|f| f.costs.first().copied().unwrap_or(0.0)).collect();
     all.costs.push(cost.iter().sum());
     let most = frames.iter().map(|f| f.splits.len() / 3).max().unwrap_or(0);
     for turn in 0..most {
         for (k, frame) in frames.iter().enumerate() {
-            let Some([cluster, kind, position]) = frame.splits.as_chunks::<3>().0.get(turn) else { continue };
+            let Some([cluster, kind, position]) = frame.splits.as_chunks::<3>().0.get(turn) else {
+                continue;
+            };
             all.splits.extend([number[k][*cluster as usize], *kind, *position]);
             number[k].push(clusters);
             clusters += 1;
@@ -91,12 +94,18 @@ mod tests {
         for count in [4, 12] {
             let clusters = cut(&all, 3 * count).unwrap();
             for (k, frame) in frames.iter().enumerate() {
-                let mut of_frame: Vec<&Cluster> = clusters.iter().filter(|c| c.first_frame == k as u32).collect();
+                let mut of_frame: Vec<&Cluster> =
+                    clusters.iter().filter(|c| c.first_frame == k as u32).collect();
                 let mut alone = frame.cut(count).unwrap();
                 assert_eq!(of_frame.len(), count);
                 of_frame.sort();
                 alone.sort();
-                assert!(of_frame.iter().zip(&alone).all(|(a, b)| a.lights == b.lights && a.last_frame == k as u32 + 1));
+                assert!(
+                    of_frame
+                        .iter()
+                        .zip(&alone)
+                        .all(|(a, b)| a.lights == b.lights && a.last_frame == k as u32 + 1)
+                );
             }
         }
         let sum: f64 = frames.iter().map(|f| f.costs[11]).sum();

@@ -77,15 +77,21 @@ impl LightTensor for RayTensor<'_> {
             if faces(receiver, light) {
                 packet.push(j, self.end(start, light));
                 if packet.is_full() {
-                    packet.visible(|ends, active| self.stage.occluded_from(start, ends, active), |j| {
-                        row[j as usize] = element(receiver, &self.lights[j as usize]);
-                    });
+                    packet.visible(
+                        |ends, active| self.stage.occluded_from(start, ends, active),
+                        |j| {
+                            row[j as usize] = element(receiver, &self.lights[j as usize]);
+                        },
+                    );
                 }
             }
         }
-        packet.visible(|ends, active| self.stage.occluded_from(start, ends, active), |j| {
-            row[j as usize] = element(receiver, &self.lights[j as usize]);
-        });
+        packet.visible(
+            |ends, active| self.stage.occluded_from(start, ends, active),
+            |j| {
+                row[j as usize] = element(receiver, &self.lights[j as usize]);
+            },
+        );
     }
 
     fn column(&self, light: usize, receivers: &[Receiver], column: &mut [Vec3]) {

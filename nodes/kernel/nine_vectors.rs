@@ -2,8 +2,8 @@
 //! (Hašan et al. 2008, section 5, "Pixel mapping computation").
 
 use super::neighbours::{Features, Frame, Weights};
-use crate::data::{DeepFramebuffer, Geometry, NONE};
 use super::stage::Surface;
+use crate::data::{DeepFramebuffer, Geometry, NONE};
 use crate::node::{Ctx, Digest, Error, Item};
 use std::sync::Arc;
 
@@ -42,7 +42,8 @@ pub fn nine_vectors(
 /// The weighted 9-vector of one surface point, comparable with those of [`nine_vectors`].
 pub fn nine_vector(surface: &Surface, geometry: &Geometry, weights: [f32; 3]) -> [f32; 9] {
     let [position, normal, albedo] = weights;
-    let relative = (surface.position.as_dvec3() - geometry.centre.as_dvec3()) / f64::from(geometry.diagonal);
+    let relative =
+        (surface.position.as_dvec3() - geometry.centre.as_dvec3()) / f64::from(geometry.diagonal);
     let p = relative.as_vec3() * position;
     let (n, a) = (surface.normal * normal, surface.reflectance.albedo * albedo);
     [p.x, p.y, p.z, n.x, n.y, n.z, a.x, a.y, a.z]

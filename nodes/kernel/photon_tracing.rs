@@ -67,8 +67,11 @@ pub fn trace<T: Send>(
                 let j = sums.partition_point(|s| *s <= at).min(lights.len() - 1);
                 let flux = flux(&lights[j], sphere.1);
                 let (origin, direction) = emit(&lights[j], rest, uniform(i, 1, seed), sphere);
-                let power = flux * (total / (f64::from(flux.element_sum()) * f64::from(count))) as f32;
-                follow(stage, origin, direction, power, (i, seed), |landing| landed.extend(keep(landing)));
+                let power =
+                    flux * (total / (f64::from(flux.element_sum()) * f64::from(count))) as f32;
+                follow(stage, origin, direction, power, (i, seed), |landing| {
+                    landed.extend(keep(landing))
+                });
             }
             Ok(landed)
         })
@@ -89,15 +92,22 @@ fn flux(light: &Light, radius: f32) -> Vec3 {
 }
 
 /// A ray that carries an equal part of the light's flux.
-fn emit(light: &Light, [a, b, c]: [f32; 3], [d, ..]: [f32; 4], (centre, radius): (Vec3, f32)) -> (Vec3, Vec3) {
+fn emit(
+    light: &Light,
+    [a, b, c]: [f32; 3],
+    [d, ..]: [f32; 4],
+    (centre, radius): (Vec3, f32),
+) -> (Vec3, Vec3) {
     let azimuth = TAU * b;
     match light.kind {
         LightKind::Omni => (light.position, around(Vec3::Z, 1.0 - 2.0 * a, azimuth)),
         LightKind::Cosine => (light.position, around(light.direction, (1.0 - a).sqrt(), azimuth)),
         LightKind::Spot => {
             let (inner, outer) = (light.cone.x, light.cone.y);
-            let core = (1.0 - inner) / ((1.0 - inner) + (inner - outer) / 3.0).max(f32::MIN_POSITIVE);
-            let cosine = if d < core { 1.0 - (1.0 - inner) * a } else { outer + (inner - outer) * cbrtf(a) };
+            let core =
+                (1.0 - inner) / ((1.0 - inner) + (inner - outer) / 3.0).max(f32::MIN_POSITIVE);
+            let cosine =
+                if d < core { 1.0 - (1.0 - inner) * a } else { outer + (inner - outer) * cbrtf(a) };
             (light.position, around(light.direction, cosine, azimuth))
         }
         LightKind::Directional => {
@@ -151,7 +161,14 @@ mod tests {
 
     fn light(kind: LightKind) -> Light {
         let cone = Vec2::new(0.9, 0.5);
-        Light { kind, position: Vec3::splat(0.5), direction: Vec3::NEG_Y, emission: Vec3::ONE, cone, clamp: 0.0 }
+        Light {
+            kind,
+            position: Vec3::splat(0.5),
+            direction: Vec3::NEG_Y,
+            emission: Vec3::ONE,
+            cone,
+            clamp: 0.0,
+        }
     }
 
     #[test]
@@ -188,14 +205,18 @@ mod tests {
         let landed = trace(&stage, &lights, 2000, 5, &Ctx::default(), first).unwrap();
         let emitted: Vec3 = lights.emission.iter().map(|e| *e * PI).sum();
         let sum: Vec3 = landed.iter().sum();
-        assert!((sum - emitted).abs().max_element() < 0.03 * emitted.max_element(), "{sum} {emitted}");
+        assert!(
+            (sum - emitted).abs().max_element() < 0.03 * emitted.max_element(),
+            "{sum} {emitted}"
+        );
     }
 
     #[test]
     fn dark_lights_emit_nothing() {
         let mut lights = cosine_lights(3, 3);
         lights.emission = vec![Vec3::ZERO; 3].into();
-        let all = trace(&room_stage(), &lights, 100, 1, &Ctx::default(), |l| Some(l.power)).unwrap();
+        let all =
+            trace(&room_stage(), &lights, 100, 1, &Ctx::default(), |l| Some(l.power)).unwrap();
         assert!(all.is_empty());
     }
 }

@@ -27,7 +27,8 @@ impl<'a> Lens<'a> {
             let (x, y) = (x * camera.half_height_tangent, y * camera.half_height_tangent);
             (camera.eye, (camera.forward + camera.right * x + camera.up * y).normalize())
         } else {
-            let offset = camera.right * (x * camera.half_height) + camera.up * (y * camera.half_height);
+            let offset =
+                camera.right * (x * camera.half_height) + camera.up * (y * camera.half_height);
             (camera.eye + offset, camera.forward)
         }
     }
@@ -50,7 +51,8 @@ pub fn background(environment: &Environment, direction: Vec3) -> Vec3 {
         return Vec3::ZERO;
     }
     let at = latlong::uv(direction.as_dvec3()).as_vec2();
-    let (x, y) = (at.x * width as f32 - 0.5, (at.y * height as f32 - 0.5).clamp(0.0, height as f32 - 1.0));
+    let (x, y) =
+        (at.x * width as f32 - 0.5, (at.y * height as f32 - 0.5).clamp(0.0, height as f32 - 1.0));
     let (fx, fy) = (x - x.floor(), y - y.floor());
     let column = |dx: i64| (x.floor() as i64 + dx).rem_euclid(width as i64) as usize;
     let row = |dy: usize| (y.floor() as usize + dy).min(height - 1);
@@ -80,8 +82,14 @@ mod tests {
         let camera = camera();
         let lens = Lens::new(&camera, 200, 100);
         assert_eq!(lens.ray(Vec2::new(100.0, 50.0)).1, Vec3::NEG_Z);
-        assert!((lens.ray(Vec2::new(100.0, 0.0)).1 - Vec3::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6);
-        assert!((lens.ray(Vec2::new(200.0, 50.0)).1 - Vec3::new(2.0, 0.0, -1.0).normalize()).length() < 1e-6);
+        assert!(
+            (lens.ray(Vec2::new(100.0, 0.0)).1 - Vec3::new(0.0, 1.0, -1.0).normalize()).length()
+                < 1e-6
+        );
+        assert!(
+            (lens.ray(Vec2::new(200.0, 50.0)).1 - Vec3::new(2.0, 0.0, -1.0).normalize()).length()
+                < 1e-6
+        );
         let flat = Camera { half_height_tangent: 0.0, half_height: 3.0, ..camera.clone() };
         let (origin, direction) = Lens::new(&flat, 200, 100).ray(Vec2::new(100.0, 100.0));
         assert_eq!((origin, direction), (Vec3::new(0.0, -3.0, 0.0), Vec3::NEG_Z));

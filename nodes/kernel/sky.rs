@@ -89,7 +89,8 @@ impl Daylight {
         let (azimuth_sin, azimuth_cos) = libm::sincos((azimuth % 360.0).to_radians());
         let angle = (90.0 - elevation).to_radians();
         let chi = (4.0 / 9.0 - turbidity / 120.0) * (PI - 2.0 * angle);
-        let luminance = (4.0453 * turbidity - 4.9710) * libm::tan(chi) - 0.2155 * turbidity + 2.4192;
+        let luminance =
+            (4.0453 * turbidity - 4.9710) * libm::tan(chi) - 0.2155 * turbidity + 2.4192;
         let chromaticity = |rows: &[[f64; 4]; 3]| {
             let row = |r: &[f64; 4]| r.iter().fold(0.0, |sum, c| sum * angle + c);
             (row(&rows[0]) * turbidity + row(&rows[1])) * turbidity + row(&rows[2])
@@ -148,7 +149,8 @@ impl Daylight {
 
 /// Perez' distribution: `height` is the cosine to the zenith, `gamma` the angle to the sun.
 fn distribution(&[a, b, c, d, e]: &[f64; 5], height: f64, gamma: f64) -> f64 {
-    (1.0 + a * libm::exp(b / height)) * (1.0 + c * libm::exp(d * gamma) + e * libm::cos(gamma) * libm::cos(gamma))
+    (1.0 + a * libm::exp(b / height))
+        * (1.0 + c * libm::exp(d * gamma) + e * libm::cos(gamma) * libm::cos(gamma))
 }
 
 /// Spectral radiance of the sun's surface outside the atmosphere, W/(m^2 sr nm).

@@ -86,7 +86,11 @@ impl Stage {
     ) -> Result<Stage, Error> {
         let instances = &geometry.instance;
         if instances.len() != poses.matrix.len() {
-            let what = format!("{} instances but {} poses: they are of different scenes", instances.len(), poses.matrix.len());
+            let what = format!(
+                "{} instances but {} poses: they are of different scenes",
+                instances.len(),
+                poses.matrix.len()
+            );
             return Err(Error::invalid(what));
         }
         let matrix: Vec<Mat4> = poses.matrix.iter().map(Mat4::from_cols_array).collect();
@@ -95,7 +99,11 @@ impl Stage {
             first.push(first[first.len() - 1] + geometry.mesh[mesh as usize][1]);
         }
         let deformed: Vec<Deformed> = (0..instances.len())
-            .map(|i| (instances[i][2] == instance::DEFORMING).then(|| posed_vertices(geometry, poses, i)).transpose())
+            .map(|i| {
+                (instances[i][2] == instance::DEFORMING)
+                    .then(|| posed_vertices(geometry, poses, i))
+                    .transpose()
+            })
             .collect::<Result<_, Error>>()?;
         let mut stage = Stage {
             geometry: geometry.clone(),
@@ -147,7 +155,8 @@ impl Stage {
     }
 
     fn fixed_hierarchy(&self, ctx: &Ctx, fixed: &[usize]) -> Result<Arc<Blas>, Error> {
-        let places: Vec<[f32; 16]> = fixed.iter().map(|&i| self.matrix[i].to_cols_array()).collect();
+        let places: Vec<[f32; 16]> =
+            fixed.iter().map(|&i| self.matrix[i].to_cols_array()).collect();
         let places = Digest::of(bytemuck::cast_slice(&places));
         let key = [self.geometry.digest(), self.materials.digest(), places];
         let shared = ctx.derive(&key, || {
@@ -164,7 +173,13 @@ impl Stage {
         let shared = ctx.derive(&key, || {
             let range = self.geometry.mesh[self.geometry.instance[i][0] as usize];
             let blas = self.hierarchy_of(
-                (range[0]..range[0] + range[1]).map(|t| (t, self.geometry.triangle[t as usize].map(|v| self.geometry.position[v as usize]))),
+                (range[0]..range[0] + range[1]).map(|t| {
+                    (
+                        t,
+                        self.geometry.triangle[t as usize]
+                            .map(|v| self.geometry.position[v as usize]),
+                    )
+                }),
                 Build::Medium,
                 ctx,
             );
@@ -182,11 +197,17 @@ impl Stage {
         self.hierarchy_of(triangles, build, ctx)
     }
 
-    fn hierarchy_of(&self, triangles: impl Iterator<Item = (u32, [Vec3; 3])>, build: Build, ctx: &Ctx) -> Arc<Blas> {
+    fn hierarchy_of(
+        &self,
+        triangles: impl Iterator<Item = (u32, [Vec3; 3])>,
+        build: Build,
+        ctx: &Ctx,
+    ) -> Arc<Blas> {
         let mut absent = 0;
         let (corners, masked): (Vec<_>, Vec<_>) = triangles
             .map(|(t, corners)| {
-                let mode = self.materials.alpha_mode[self.geometry.triangle_material[t as usize] as usize][0];
+                let mode = self.materials.alpha_mode
+                    [self.geometry.triangle_material[t as usize] as usize][0];
                 // Light passes through what is absent: a triangle of no extent keeps its number and
                 // is never hit.
                 let gone = mode == alpha::ABSENT;
@@ -204,7 +225,9 @@ impl Stage {
 
     fn bytes(&self) -> usize {
         let vertices = |d: &Deformed| d.as_ref().map_or(0, |(p, n)| 12 * (p.len() + n.len()));
-        self.world.bytes() + self.deformed.iter().map(vertices).sum::<usize>() + 64 * self.matrix.len()
+        self.world.bytes()
+            + self.deformed.iter().map(vertices).sum::<usize>()
+            + 64 * self.matrix.len()
     }
 
     /// Length by which shadow rays are lifted off surfaces, metres.
@@ -255,7 +278,9 @@ impl Stage {
         let corner = self.geometry.triangle[(mesh[0] + local) as usize];
         match &self.deformed[i] {
             Some((positions, _)) => corner.map(|v| positions[(v - mesh[2]) as usize]),
-            None => corner.map(|v| self.matrix[i].transform_point3(self.geometry.position[v as usize])),
+            None => {
+                corner.map(|v| self.matrix[i].transform_point3(self.geometry.position[v as usize]))
+            }
         }
     }
 
@@ -283,7 +308,8 @@ impl Stage {
         let uv = corner.map(|v| self.geometry.uv[v as usize]);
         let uv = uv[0] * weights[0] + uv[1] * weights[1] + uv[2] * weights[2];
         let tint = self.vertex_colour(corner, weights);
-        let (reflectance, emitted, double_sided) = self.shade(self.geometry.triangle_material[t] as usize, uv, tint);
+        let (reflectance, emitted, double_sided) =
+            self.shade(self.geometry.triangle_material[t] as usize, uv, tint);
         Surface { position, normal, facet, reflectance, emitted, double_sided }
     }
 
@@ -303,10 +329,12 @@ impl Stage {
         let materials = &*self.materials;
         let base = texture::sample(materials, m, Texture::BaseColour, uv);
         let factor = materials.base_colour[m];
-        let base = Vec3::from_array([0, 1, 2].map(|c| (factor[c] * tint[c] * base[c]).clamp(0.0, 1.0)));
+        let base =
+            Vec3::from_array([0, 1, 2].map(|c| (factor[c] * tint[c] * base[c]).clamp(0.0, 1.0)));
         let rough = texture::sample(materials, m, Texture::MetallicRoughness, uv);
         let [metallic, roughness] = materials.metallic_roughness[m];
-        let (metallic, roughness) = ((metallic * rough[2]).clamp(0.0, 1.0), (roughness * rough[1]).clamp(0.0, 1.0));
+        let (metallic, roughness) =
+            ((metallic * rough[2]).clamp(0.0, 1.0), (roughness * rough[1]).clamp(0.0, 1.0));
         let dielectric = 0.04 * materials.specular_factor[m];
         let reflectance = Reflectance {
             albedo: base * (1.0 - metallic),
@@ -345,7 +373,8 @@ impl Stage {
     /// The nearest surface along `direction` (unit) between distances `near` and `far`, metres; the
     /// hit's triangle is world-level.
     pub fn closest(&self, origin: Vec3, direction: Vec3, near: f32, far: f32) -> Option<Hit> {
-        let hit = self.world.closest(origin, direction, near, far, &|t, u, v| self.solid(t, u, v))?;
+        let hit =
+            self.world.closest(origin, direction, near, far, &|t, u, v| self.solid(t, u, v))?;
         Some(Hit { triangle: self.number(hit.triangle), ..hit })
     }
 
@@ -373,7 +402,11 @@ impl Stage {
 /// The cofactor matrix: the inverse transpose up to a positive factor, and finite for any matrix.
 fn normal_matrix(matrix: &Mat4) -> (Mat3, bool) {
     let m = Mat3::from_mat4(*matrix);
-    let cofactor = Mat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
+    let cofactor = Mat3::from_cols(
+        m.y_axis.cross(m.z_axis),
+        m.z_axis.cross(m.x_axis),
+        m.x_axis.cross(m.y_axis),
+    );
     let mirrored = m.determinant() < 0.0;
     (if mirrored { -cofactor } else { cofactor }, mirrored)
 }

@@ -55,7 +55,9 @@ fn last_with_weight(weights: &[f64], triangle: usize) -> u32 {
 /// points in runs of 65,536, each run with a scramble of its own.
 pub fn uniform(index: u32, set: u32, seed: u64) -> [f32; 4] {
     let run = index / SEQUENCE;
-    let mixed = (seed ^ (seed >> 32)) as u32 ^ set.wrapping_mul(0x9e37_79b9) ^ run.wrapping_mul(0x85eb_ca6b);
+    let mixed = (seed ^ (seed >> 32)) as u32
+        ^ set.wrapping_mul(0x9e37_79b9)
+        ^ run.wrapping_mul(0x85eb_ca6b);
     sobol_burley::sample_4d(index % SEQUENCE, set % 64, mixed)
 }
 
@@ -70,7 +72,11 @@ mod tests {
         let on = |t: u32| points.iter().filter(|p| p.triangle == t).count();
         assert_eq!((on(0), on(1), on(3)), (1000, 0, 0));
         assert!((points[0].share - 4.0 / 4000.0).abs() < 1e-9);
-        assert!(points.iter().all(|p| p.barycentric.min_element() >= 0.0 && p.barycentric.element_sum() <= 1.0));
+        assert!(
+            points
+                .iter()
+                .all(|p| p.barycentric.min_element() >= 0.0 && p.barycentric.element_sum() <= 1.0)
+        );
         let centre = points.iter().map(|p| p.barycentric).sum::<Vec2>() / 4000.0;
         assert!((centre - Vec2::splat(1.0 / 3.0)).abs().max_element() < 0.005, "{centre}");
     }

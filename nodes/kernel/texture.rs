@@ -18,7 +18,11 @@ pub enum Texture {
 static SRGB: LazyLock<[f32; 256]> = LazyLock::new(|| {
     std::array::from_fn(|i| {
         let encoded = i as f64 / 255.0;
-        let linear = if encoded <= 0.04045 { encoded / 12.92 } else { libm::pow((encoded + 0.055) / 1.055, 2.4) };
+        let linear = if encoded <= 0.04045 {
+            encoded / 12.92
+        } else {
+            libm::pow((encoded + 0.055) / 1.055, 2.4)
+        };
         linear as f32
     })
 });
@@ -30,7 +34,9 @@ pub fn sample(materials: &Materials, m: usize, which: Texture, uv: Vec2) -> [f32
     if index < 0.0 {
         return [1.0; 4];
     }
-    let Some(&[first, width, height]) = materials.texture.get(index as usize) else { return [1.0; 4] };
+    let Some(&[first, width, height]) = materials.texture.get(index as usize) else {
+        return [1.0; 4];
+    };
     if width == 0 || height == 0 || !uv.is_finite() {
         return [1.0; 4];
     }
@@ -45,7 +51,12 @@ pub fn sample(materials: &Materials, m: usize, which: Texture, uv: Vec2) -> [f32
         let stored = materials.texel[first as usize + row * width as usize + column];
         decode(stored, which)
     };
-    let corners = [(0, 0, (1.0 - fx) * (1.0 - fy)), (1, 0, fx * (1.0 - fy)), (0, 1, (1.0 - fx) * fy), (1, 1, fx * fy)];
+    let corners = [
+        (0, 0, (1.0 - fx) * (1.0 - fy)),
+        (1, 0, fx * (1.0 - fy)),
+        (0, 1, (1.0 - fx) * fy),
+        (1, 1, fx * fy),
+    ];
     let mut sum = [0.0; 4];
     for (dx, dy, weight) in corners {
         let value = texel(dx, dy);

@@ -100,10 +100,16 @@ impl<T: Choice> ParamValue for T {
     fn parse(ron: &str) -> Result<Self, String> {
         let word = ron.trim().trim_matches('"');
         let found = T::WORDS.iter().find(|(w, _)| *w == word);
-        found.map(|(_, value)| *value).ok_or_else(|| expected(&format!("one of {}", Self::kind()), ron))
+        found
+            .map(|(_, value)| *value)
+            .ok_or_else(|| expected(&format!("one of {}", Self::kind()), ron))
     }
     fn show(&self) -> String {
-        T::WORDS.iter().find(|(_, value)| value == self).map(|(word, _)| (*word).to_owned()).unwrap_or_default()
+        T::WORDS
+            .iter()
+            .find(|(_, value)| value == self)
+            .map(|(word, _)| (*word).to_owned())
+            .unwrap_or_default()
     }
 }
 
@@ -162,7 +168,10 @@ impl ParamValue for f32 {
             return Err(expected(&format!("a number of at most {:e} in size", f32::MAX), ron));
         }
         if value == 0.0 && wide != 0.0 {
-            return Err(expected(&format!("0 or a number of at least {:e} in size", f32::MIN_POSITIVE), ron));
+            return Err(expected(
+                &format!("0 or a number of at least {:e} in size", f32::MIN_POSITIVE),
+                ron,
+            ));
         }
         Ok(value)
     }
@@ -191,7 +200,8 @@ where
         format!("({})", vec![T::kind(); N].join(", "))
     }
     fn parse(ron: &str) -> Result<Self, String> {
-        let parts: Vec<&ron::value::RawValue> = tuple_parts::<N>(ron).ok_or_else(|| expected(&Self::kind(), ron))?;
+        let parts: Vec<&ron::value::RawValue> =
+            tuple_parts::<N>(ron).ok_or_else(|| expected(&Self::kind(), ron))?;
         let mut values = <[T; N]>::default();
         for (value, part) in values.iter_mut().zip(parts) {
             *value = T::parse(part.get_ron())?;
@@ -209,7 +219,9 @@ where
 
 fn tuple_parts<const N: usize>(ron: &str) -> Option<Vec<&ron::value::RawValue>> {
     fn as_two(ron: &str) -> Option<Vec<&ron::value::RawValue>> {
-        ron::from_str::<(&ron::value::RawValue, &ron::value::RawValue)>(ron).ok().map(|t| vec![t.0, t.1])
+        ron::from_str::<(&ron::value::RawValue, &ron::value::RawValue)>(ron)
+            .ok()
+            .map(|t| vec![t.0, t.1])
     }
     fn as_three(ron: &str) -> Option<Vec<&ron::value::RawValue>> {
         type Raw<'a> = &'a ron::value::RawValue;
@@ -386,7 +398,9 @@ mod tests {
     #[test]
     fn reads_and_refuses() {
         let mut probe = Probe::default();
-        for (name, text) in [("size", "(64, 36)"), ("reach", "1e-1"), ("pick", "random"), ("file", "\"a.glb\"")] {
+        for (name, text) in
+            [("size", "(64, 36)"), ("reach", "1e-1"), ("pick", "random"), ("file", "\"a.glb\"")]
+        {
             probe.set(name, text).unwrap();
         }
         assert_eq!((probe.size, probe.reach, probe.pick), ([64, 36], 0.1, Pick::Random));

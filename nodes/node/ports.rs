@@ -79,7 +79,10 @@ impl<T> All<T> {
     /// When there is no item `k`, or it cannot be read.
     pub fn get(&self, k: usize) -> Result<Item<T>, Error> {
         let Some(&digest) = self.digests.get(k) else {
-            return Err(Error::invalid(format!("item {k} of a sequence of {} was asked for", self.len())));
+            return Err(Error::invalid(format!(
+                "item {k} of a sequence of {} was asked for",
+                self.len()
+            )));
         };
         Ok(Item { value: (self.load)(k)?, digest })
     }

@@ -17,7 +17,9 @@ impl Check {
         let graph = Session::graph(&self.graph, registry)?;
         let (nodes, outputs, vars) = (graph.nodes.len(), graph.outputs.len(), graph.vars.len());
         if common.json {
-            return say_json(&json!({ "ok": true, "nodes": nodes, "outputs": outputs, "variables": vars }));
+            return say_json(
+                &json!({ "ok": true, "nodes": nodes, "outputs": outputs, "variables": vars }),
+            );
         }
         print_diagnostics(&graph.warnings);
         say(format_args!("ok  {nodes} nodes, {outputs} outputs, {vars} variables\n"))

@@ -98,7 +98,10 @@ impl Init {
         print_diagnostics(&graph.warnings);
         ctx.notes().iter().for_each(|note| eprintln!("note: {note}"));
         let what = if frames == 1 { "a still".to_owned() } else { format!("{frames} frames") };
-        say(format_args!("{}: {what}, {count} nodes; `lightloom run {0}` renders it\n", out.display()))
+        say(format_args!(
+            "{}: {what}, {count} nodes; `lightloom run {0}` renders it\n",
+            out.display()
+        ))
     }
 }
 

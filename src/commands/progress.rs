@@ -75,7 +75,9 @@ impl Progress for Bars {
         if hits == total {
             return;
         }
-        let style = ProgressStyle::with_template("  {prefix:16} [{bar:30}] {percent:>3} %  {msg:9} {eta:>5} left");
+        let style = ProgressStyle::with_template(
+            "  {prefix:16} [{bar:30}] {percent:>3} %  {msg:9} {eta:>5} left",
+        );
         let style = style.unwrap_or_else(|_| ProgressStyle::default_bar());
         let bar = self.all.add(ProgressBar::new(STEPS as u64)).with_style(style);
         bar.set_prefix(name.to_owned());
@@ -118,7 +120,8 @@ impl Lines {
         let (nodes, last) = &mut *state;
         let Some(far) = nodes.get_mut(&node) else { return };
         change(far);
-        let line = format!("{} {:.0} % ({}/{})", far.name, 100.0 * far.fraction(), far.done, far.total);
+        let line =
+            format!("{} {:.0} % ({}/{})", far.name, 100.0 * far.fraction(), far.done, far.total);
         if last.elapsed() >= PAUSE {
             *last = Instant::now();
             eprintln!("[{:6.1} s] {line}", self.started.elapsed().as_secs_f64());

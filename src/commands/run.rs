@@ -54,11 +54,13 @@ impl Run {
             (false, true) => Box::new(Bars::new()),
             (false, false) => Box::new(Lines::new()),
         };
-        let (summary, known) = engine::run(&session.graph, &plan, &wanted, &session.store, &options, &*progress)?;
+        let (summary, known) =
+            engine::run(&session.graph, &plan, &wanted, &session.store, &options, &*progress)?;
         drop(progress);
         let folder = self.out.clone().unwrap_or_else(|| default_folder(&session.path));
         let published = publish(&session.graph, &plan, &known, &session.store, &folder)?;
-        let pinned: BTreeSet<Digest> = known.held.iter().flatten().flatten().map(|h| h.digest).collect();
+        let pinned: BTreeSet<Digest> =
+            known.held.iter().flatten().flatten().map(|h| h.digest).collect();
         session.store.evict(&pinned)?;
         session.store.damage().iter().for_each(|d| eprintln!("repaired: {d}"));
         match common.json {
@@ -110,7 +112,8 @@ fn as_text(summary: &Summary, folder: &Path, published: &[Published]) -> String 
         lines.extend(node.notes.iter().map(|note| format!("  {:names$}  note: {note}", "")));
     }
     for p in published.iter().filter(|p| !p.figures.is_empty()) {
-        let figures: Vec<String> = p.figures.iter().map(|(name, mean)| format!("{name} {mean:.6}")).collect();
+        let figures: Vec<String> =
+            p.figures.iter().map(|(name, mean)| format!("{name} {mean:.6}")).collect();
         lines.push(format!("  {}: {}", p.output, figures.join(", ")));
     }
     let (ran, all) = summary.ran();

@@ -49,18 +49,23 @@ impl Failure {
     pub fn report(&self, json: bool) -> ExitCode {
         let messages: Vec<serde_json::Value> = match self {
             Failure::Graph(all) => all.iter().map(diagnostic_json).collect(),
-            Failure::Usage(text) | Failure::Nothing(text) => vec![serde_json::json!({ "message": text })],
+            Failure::Usage(text) | Failure::Nothing(text) => {
+                vec![serde_json::json!({ "message": text })]
+            }
             Failure::Engine(error) => vec![serde_json::json!({ "message": error.to_string() })],
         };
         if json {
-            let document = serde_json::json!({ "ok": false, "exit_code": self.code(), "errors": messages });
+            let document =
+                serde_json::json!({ "ok": false, "exit_code": self.code(), "errors": messages });
             // The failure itself is what counts, even where its report cannot be written.
             let _ = say_json(&document);
             return ExitCode::from(self.code());
         }
         match self {
             Failure::Graph(all) => print_diagnostics(all),
-            _ => messages.iter().for_each(|m| eprintln!("error: {}", m["message"].as_str().unwrap_or_default())),
+            _ => messages
+                .iter()
+                .for_each(|m| eprintln!("error: {}", m["message"].as_str().unwrap_or_default())),
         }
         ExitCode::from(self.code())
     }
@@ -107,7 +112,11 @@ impl Session {
     }
 
     /// Reads a graph file and opens the cache.
-    pub fn open(common: &Common, args: &GraphArgs, registry: &Registry) -> Result<Session, Failure> {
+    pub fn open(
+        common: &Common,
+        args: &GraphArgs,
+        registry: &Registry,
+    ) -> Result<Session, Failure> {
         let graph = Self::graph(args, registry)?;
         print_diagnostics(&graph.warnings);
         Ok(Session { graph, path: args.graph.clone(), store: store(common)? })
@@ -127,7 +136,8 @@ impl Session {
     pub fn node(&self, name: &str) -> Result<usize, Failure> {
         self.graph.find(name).ok_or_else(|| {
             let names = self.graph.nodes.iter().map(|n| n.name.as_str());
-            let nearest = names.max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
+            let nearest =
+                names.max_by(|a, b| strsim::jaro(a, name).total_cmp(&strsim::jaro(b, name)));
             let hint = nearest.map(|n| format!("; did you mean `{n}`?")).unwrap_or_default();
             Failure::Nothing(format!("the graph has no node `{name}`{hint}"))
         })

@@ -38,19 +38,35 @@ impl Bindings {
 
     /// Items and bytes of each port.
     pub fn sizes(&self) -> Sizes {
-        Sizes(self.ports.iter().map(|(name, held)| (*name, held.iter().map(|h| h.bytes).collect())).collect())
+        Sizes(
+            self.ports
+                .iter()
+                .map(|(name, held)| (*name, held.iter().map(|h| h.bytes).collect()))
+                .collect(),
+        )
     }
 }
 
 impl Binder for Bindings {
     fn bound<T: Data>(&self, port: &'static str) -> Result<All<T>, Error> {
-        let held = self.ports.iter().find(|(name, _)| *name == port).map_or(&[][..], |(_, held)| held).to_vec();
+        let held = self
+            .ports
+            .iter()
+            .find(|(name, _)| *name == port)
+            .map_or(&[][..], |(_, held)| held)
+            .to_vec();
         let digests = held.iter().map(|h| h.digest).collect();
         let store = Arc::clone(&self.store);
         Ok(All::new(digests, move |k| {
             let Held { digest, bytes } = held[k];
-            let found = store.open_blob(&digest, bytes).map_err(|e| Error::invalid(e.to_string()))?;
-            let lost = || Error::invalid(format!("blob {} of port `{port}` is gone from the cache", digest.short()));
+            let found =
+                store.open_blob(&digest, bytes).map_err(|e| Error::invalid(e.to_string()))?;
+            let lost = || {
+                Error::invalid(format!(
+                    "blob {} of port `{port}` is gone from the cache",
+                    digest.short()
+                ))
+            };
             let bytes: Bytes = Arc::new(Mapped(found.ok_or_else(lost)?));
             decode(bytes).map(Arc::new)
         }))

@@ -83,21 +83,31 @@ impl Plan {
         let mut executions = Vec::new();
         for (n, node) in graph.nodes.iter().enumerate().filter(|(n, _)| needed[*n]) {
             for run in 0..shot.len(node.runs) {
-                let bound = |((port, from), cardinality): (&(&'static str, Vec<usize>), &Cardinality)| {
-                    let places = from.iter().flat_map(|&f| bind(shot, graph, *cardinality, f, node.runs, run));
-                    (*port, places.collect())
-                };
+                let bound =
+                    |((port, from), cardinality): (&(&'static str, Vec<usize>), &Cardinality)| {
+                        let places = from
+                            .iter()
+                            .flat_map(|&f| bind(shot, graph, *cardinality, f, node.runs, run));
+                        (*port, places.collect())
+                    };
                 let inputs = node.inputs.iter().zip(&node.cardinality).map(bound).collect();
                 let items = match (node.runs, node.axis) {
                     (Axis::Chunks, Axis::Frames) => shot.frames_of(run),
                     (Axis::Single, Axis::Frames) => 0..shot.frames,
                     _ => run..run + 1,
                 };
-                executions.push(Execution { node: n, run, inputs, items, frame: last_frame(shot, node.runs, run) });
+                executions.push(Execution {
+                    node: n,
+                    run,
+                    inputs,
+                    items,
+                    frame: last_frame(shot, node.runs, run),
+                });
             }
         }
         executions.sort_by_key(|e| (e.frame, e.node, e.run));
-        let mut giver: Vec<Vec<usize>> = graph.nodes.iter().map(|n| vec![usize::MAX; shot.len(n.axis)]).collect();
+        let mut giver: Vec<Vec<usize>> =
+            graph.nodes.iter().map(|n| vec![usize::MAX; shot.len(n.axis)]).collect();
         for (e, execution) in executions.iter().enumerate() {
             execution.items.clone().for_each(|item| giver[execution.node][item] = e);
         }
@@ -110,10 +120,14 @@ fn shot(graph: &Graph, store: &Arc<Store>) -> Result<Shot, Error> {
     let source = graph.nodes.iter().find(|n| n.runs == Axis::Single && n.axis == Axis::Frames);
     let Some(source) = source else { return Ok(Shot { frames: 1, chunk: 1 }) };
     let mut frames = 0;
-    let chunk = source.node.run(&Bindings::new(Arc::clone(store), Vec::new()), &Ctx::default(), &mut |_| {
-        frames += 1;
-        Ok(())
-    })?;
+    let chunk = source.node.run(
+        &Bindings::new(Arc::clone(store), Vec::new()),
+        &Ctx::default(),
+        &mut |_| {
+            frames += 1;
+            Ok(())
+        },
+    )?;
     if frames == 0 {
         return Err(Error::invalid(format!("{} gives a sequence without items", source.name)));
     }
@@ -121,7 +135,14 @@ fn shot(graph: &Graph, store: &Arc<Store>) -> Result<Shot, Error> {
 }
 
 /// The items of node `from` that a port sees in one run.
-fn bind(shot: Shot, graph: &Graph, cardinality: Cardinality, from: usize, runs: Axis, run: usize) -> Vec<Place> {
+fn bind(
+    shot: Shot,
+    graph: &Graph,
+    cardinality: Cardinality,
+    from: usize,
+    runs: Axis,
+    run: usize,
+) -> Vec<Place> {
     let axis = graph.nodes[from].axis;
     let items: Range<usize> = match (cardinality, axis) {
         (_, Axis::Single) => 0..1,
@@ -133,7 +154,10 @@ fn bind(shot: Shot, graph: &Graph, cardinality: Cardinality, from: usize, runs: 
         }
         _ => run..run + 1,
     };
-    debug_assert!(axis == Axis::Single || axis == runs || runs != Axis::Single, "the graph's axes fit");
+    debug_assert!(
+        axis == Axis::Single || axis == runs || runs != Axis::Single,
+        "the graph's axes fit"
+    );
     items.map(|item| (from, item)).collect()
 }
 

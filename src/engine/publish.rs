@@ -1,8 +1,8 @@
 //! Publishing: the outputs of a graph as files in a folder, brought up to date at every run.
 
+use super::EngineError;
 use super::execution::{Plan, Shot};
 use super::resolve::Resolution;
-use super::EngineError;
 use crate::graph::{Axis, Graph};
 use crate::store::Store;
 use lightloom_nodes::data::{Array, Arrays, Bytes, Data, Field, Picture, decode};
@@ -47,7 +47,8 @@ pub fn publish(
     };
     fs::create_dir_all(folder).map_err(io(folder))?;
     let index = folder.join(INDEX);
-    let before: Known = fs::read(&index).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
+    let before: Known =
+        fs::read(&index).ok().and_then(|b| serde_json::from_slice(&b).ok()).unwrap_or_default();
     let mut after = Known::new();
     let mut published = Vec::new();
     for (output, node) in &graph.outputs {
@@ -71,7 +72,8 @@ pub fn publish(
         }
     }
     if after != before {
-        let text = serde_json::to_vec(&after).map_err(|e| EngineError::Io { path: index.clone(), cause: e.into() })?;
+        let text = serde_json::to_vec(&after)
+            .map_err(|e| EngineError::Io { path: index.clone(), cause: e.into() })?;
         write(&index, &text).map_err(io(&index))?;
     }
     Ok(published)
@@ -93,7 +95,12 @@ fn unreadable(folder: &Path, cause: lightloom_nodes::node::Error) -> EngineError
 
 fn picture(bytes: Bytes, folder: &Path) -> Result<Content, EngineError> {
     let picture: Picture = decode(bytes).map_err(|e| unreadable(folder, e))?;
-    let extension: String = picture.extension.iter().map(|b| char::from(*b)).filter(char::is_ascii_alphanumeric).collect();
+    let extension: String = picture
+        .extension
+        .iter()
+        .map(|b| char::from(*b))
+        .filter(char::is_ascii_alphanumeric)
+        .collect();
     Ok((picture.bytes.to_vec(), extension, Vec::new()))
 }
 
@@ -109,7 +116,10 @@ fn numbers(bytes: Bytes, kind: &'static str, folder: &Path) -> Result<Content, E
             (_, Err(e)) => return Err(unreadable(folder, e)),
         };
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-        object.insert(name.clone(), if shape.is_empty() { serde_json::json!(mean) } else { serde_json::json!(values) });
+        object.insert(
+            name.clone(),
+            if shape.is_empty() { serde_json::json!(mean) } else { serde_json::json!(values) },
+        );
         figures.push((name, mean));
     }
     let text = serde_json::to_string_pretty(&object).unwrap_or_default() + "\n";
@@ -133,7 +143,8 @@ fn stands(before: &Known, name: &str, path: &Path, digest: Digest) -> bool {
 
 fn stamp(path: &Path) -> std::io::Result<(u64, u128)> {
     let meta = fs::metadata(path)?;
-    let changed = meta.modified()?.duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_nanos());
+    let changed =
+        meta.modified()?.duration_since(std::time::UNIX_EPOCH).map_or(0, |d| d.as_nanos());
     Ok((meta.len(), changed))
 }
 

@@ -1,10 +1,10 @@
 //! What is known without running anything: which executions the records answer, which must run, and
 //! which cannot be told yet because their inputs are not known.
 
+use super::EngineError;
 use super::bindings::Held;
 use super::execution::Plan;
 use super::manifest::Manifest;
-use super::EngineError;
 use crate::graph::Graph;
 use crate::store::{Record, Store, key_of};
 use lightloom_nodes::node::{Digest, Error};
@@ -63,7 +63,13 @@ impl Resolution {
         }
     }
 
-    fn look_up(&mut self, graph: &Graph, plan: &Plan, store: &Store, e: usize) -> Result<bool, EngineError> {
+    fn look_up(
+        &mut self,
+        graph: &Graph,
+        plan: &Plan,
+        store: &Store,
+        e: usize,
+    ) -> Result<bool, EngineError> {
         let execution = &plan.executions[e];
         let Some(inputs) = self.inputs(plan, e) else { return Ok(false) };
         let node = &graph.nodes[execution.node];
@@ -90,7 +96,8 @@ impl Resolution {
     /// What is bound to each port of an execution; none while any of it is unknown.
     pub fn inputs(&self, plan: &Plan, e: usize) -> Option<Vec<(&'static str, Vec<Held>)>> {
         let port = |(name, places): &(&'static str, Vec<(usize, usize)>)| {
-            let held: Option<Vec<Held>> = places.iter().map(|&(n, item)| self.held[n][item]).collect();
+            let held: Option<Vec<Held>> =
+                places.iter().map(|&(n, item)| self.held[n][item]).collect();
             held.map(|held| (*name, held))
         };
         plan.executions[e].inputs.iter().map(port).collect()
@@ -107,7 +114,12 @@ impl Resolution {
 }
 
 /// The artifacts that records name for every item of an execution, if all are there.
-pub fn recorded(manifest: &Manifest, items: &std::ops::Range<usize>, store: &Store) -> Option<Vec<Held>> {
-    let find = |item: usize| -> Option<Record> { store.record(&key_of(&manifest.item(item, items))) };
+pub fn recorded(
+    manifest: &Manifest,
+    items: &std::ops::Range<usize>,
+    store: &Store,
+) -> Option<Vec<Held>> {
+    let find =
+        |item: usize| -> Option<Record> { store.record(&key_of(&manifest.item(item, items))) };
     items.clone().map(find).map(|r| r.map(|r| Held { digest: r.output, bytes: r.bytes })).collect()
 }

@@ -1,12 +1,12 @@
 //! The scheduler: runs what must run, several executions side by side within a memory limit, frame by
 //! frame, and keeps every result as soon as it is there.
 
+use super::EngineError;
 use super::bindings::{Bindings, Held};
 use super::execution::{Execution, Plan};
 use super::manifest::Manifest;
 use super::resolve::{Resolution, Status, recorded};
 use super::summary::{NodeSummary, Summary, peak_bytes};
-use super::EngineError;
 use crate::graph::{Axis, Graph};
 use crate::store::{Record, Store};
 use lightloom_nodes::data::write_arrays;
@@ -63,7 +63,17 @@ pub fn run(
         checked: vec![false; plan.executions.len()],
     };
     let derived = Arc::new(Derived::new((options.memory / 4) as usize));
-    let shared = Shared { graph, plan, wanted, store, options, progress, derived, state: Mutex::new(state), changed: Condvar::new() };
+    let shared = Shared {
+        graph,
+        plan,
+        wanted,
+        store,
+        options,
+        progress,
+        derived,
+        state: Mutex::new(state),
+        changed: Condvar::new(),
+    };
     shared.announce();
     std::thread::scope(|scope| {
         for _ in 0..options.jobs.max(1) {
@@ -78,7 +88,11 @@ pub fn run(
         return Err(failure);
     }
     state.nodes.retain(|n| n.executions > 0);
-    let summary = Summary { nodes: state.nodes, seconds: started.elapsed().as_secs_f64(), peak_bytes: peak_bytes() };
+    let summary = Summary {
+        nodes: state.nodes,
+        seconds: started.elapsed().as_secs_f64(),
+        peak_bytes: peak_bytes(),
+    };
     Ok((summary, state.known))
 }
 
@@ -86,7 +100,11 @@ fn summaries(graph: &Graph, plan: &Plan) -> Vec<NodeSummary> {
     let mut all: Vec<NodeSummary> = graph
         .nodes
         .iter()
-        .map(|n| NodeSummary { name: n.name.clone(), kind: n.kind.into(), ..NodeSummary::default() })
+        .map(|n| NodeSummary {
+            name: n.name.clone(),
+            kind: n.kind.into(),
+            ..NodeSummary::default()
+        })
         .collect();
     plan.executions.iter().for_each(|e| all[e.node].executions += 1);
     all
@@ -198,8 +216,11 @@ impl Shared<'_> {
             }
             let Some(inputs) = state.known.inputs(self.plan, e) else { continue };
             let bindings = Bindings::new(Arc::clone(self.store), inputs);
-            let memory = self.graph.nodes[self.plan.executions[e].node].node.memory(&bindings.sizes());
-            if !state.running.is_empty() && state.memory.saturating_add(memory) > self.options.memory {
+            let memory =
+                self.graph.nodes[self.plan.executions[e].node].node.memory(&bindings.sizes());
+            if !state.running.is_empty()
+                && state.memory.saturating_add(memory) > self.options.memory
+            {
                 continue;
             }
             state.running.insert(e);
@@ -248,7 +269,9 @@ impl Shared<'_> {
     fn demand(&self, state: &mut State, e: usize) -> Result<(), EngineError> {
         let execution = &self.plan.executions[e];
         for item in execution.items.clone() {
-            let Some(Held { digest, bytes }) = state.known.held[execution.node][item] else { continue };
+            let Some(Held { digest, bytes }) = state.known.held[execution.node][item] else {
+                continue;
+            };
             if self.store.open_blob(&digest, bytes)?.is_none() {
                 state.known.status[e] = Status::Run;
                 state.checked[e] = false;
@@ -283,7 +306,12 @@ impl Shared<'_> {
     }
 
     /// Runs one execution, or takes the result another process has made meanwhile.
-    fn execute(&self, e: usize, manifest: &Manifest, bindings: &Bindings) -> Result<Ended, EngineError> {
+    fn execute(
+        &self,
+        e: usize,
+        manifest: &Manifest,
+        bindings: &Bindings,
+    ) -> Result<Ended, EngineError> {
         let execution = &self.plan.executions[e];
         let key = manifest.key();
         let cancelled = || self.options.cancelled.load(Ordering::Relaxed);
@@ -302,11 +330,21 @@ impl Shared<'_> {
         ended
     }
 
-    fn compute(&self, execution: &Execution, manifest: &Manifest, bindings: &Bindings) -> Result<Ended, EngineError> {
+    fn compute(
+        &self,
+        execution: &Execution,
+        manifest: &Manifest,
+        bindings: &Bindings,
+    ) -> Result<Ended, EngineError> {
         let node = &self.graph.nodes[execution.node];
         let failed = |cause: Error| match cause {
             Error::Cancelled => EngineError::Cancelled,
-            cause => EngineError::Node { name: node.name.clone(), kind: node.kind, item: told(node.runs, execution.run), cause },
+            cause => EngineError::Node {
+                name: node.name.clone(),
+                kind: node.kind,
+                item: told(node.runs, execution.run),
+                cause,
+            },
         };
         let started = Instant::now();
         let key = manifest.key();
@@ -314,13 +352,20 @@ impl Shared<'_> {
             // Progress is handed over by a channel, so that the closure a node holds borrows nothing.
             let (sender, receiver) = std::sync::mpsc::sync_channel::<(u64, u64)>(64);
             let (at, run) = (execution.node, execution.run);
-            scope.spawn(move || receiver.iter().for_each(|(done, total)| self.progress.step(at, run, done, total)));
+            scope.spawn(move || {
+                receiver.iter().for_each(|(done, total)| self.progress.step(at, run, done, total))
+            });
             let report = Box::new(move |done, total| {
                 // A full channel means that nobody looks so fast: the step is dropped.
                 let _ = sender.try_send((done, total));
             });
             let checkpoint = Some(self.store.checkpoint_path(&key));
-            let ctx = Ctx::new(Arc::clone(&self.options.cancelled), Arc::clone(&self.derived), report, checkpoint);
+            let ctx = Ctx::new(
+                Arc::clone(&self.options.cancelled),
+                Arc::clone(&self.derived),
+                report,
+                checkpoint,
+            );
             let mut held = Vec::new();
             let ran = catch_unwind(AssertUnwindSafe(|| {
                 node.node.run(bindings, &ctx, &mut |arrays| {
@@ -338,11 +383,15 @@ impl Shared<'_> {
             match ran {
                 Ok(Ok(_)) => Ok((held, ctx.notes())),
                 Ok(Err(error)) => Err(failed(error)),
-                Err(panic) => Err(failed(Error::invalid(format!("an error in the node itself: {}", panic_text(&*panic))))),
+                Err(panic) => Err(failed(Error::invalid(format!(
+                    "an error in the node itself: {}",
+                    panic_text(&*panic)
+                )))),
             }
         })?;
         if held.len() != execution.items.len() {
-            let what = format!("gave {} items where {} were expected", held.len(), execution.items.len());
+            let what =
+                format!("gave {} items where {} were expected", held.len(), execution.items.len());
             return Err(failed(Error::invalid(what)));
         }
         let seconds = started.elapsed().as_secs_f64();

@@ -35,8 +35,8 @@ pub use edit::{set_value, set_variable};
 pub use set::Override;
 
 use crate::registry::{AnyNode, Registry};
-use lightloom_nodes::node::Cardinality;
 use file::{Sections, Variables, nearest_node};
+use lightloom_nodes::node::Cardinality;
 use nodes::Draft;
 use set::Setting;
 use std::collections::BTreeMap;

@@ -197,7 +197,10 @@ mod tests {
 
             let norm = accumulate(&mut frame, &columns[0]);
             assert_eq!(norm, frame.iter().map(|x| x * x).sum::<f64>());
-            assert_eq!(squares(&columns[1]), columns[1].iter().map(|&x| f64::from(x * x)).sum::<f64>());
+            assert_eq!(
+                squares(&columns[1]),
+                columns[1].iter().map(|&x| f64::from(x * x)).sum::<f64>()
+            );
             let apart: f64 =
                 columns[2].iter().zip(&line).map(|(&x, l)| (2.0 * f64::from(x) - l).powi(2)).sum();
             assert_eq!(distance(&columns[2], 2.0, &line), apart);
