@@ -278,6 +278,7 @@ fn file_name(path: &Path) -> String {
 mod tests {
     use super::paths::relative;
     use super::*;
+    use std::collections::BTreeSet;
     use std::fs;
 
     const TRIANGLE: &str = r#"{ "asset": { "version": "2.0" },

@@ -3,6 +3,7 @@
 mod bindings;
 mod execution;
 mod manifest;
+mod perform;
 mod publish;
 mod resolve;
 mod schedule;

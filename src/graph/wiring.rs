@@ -7,6 +7,8 @@ use super::nodes::{Draft, Link, Made};
 use super::tree::{Field, Shape};
 use crate::registry::Registry;
 use lightloom_nodes::node::{Cardinality, PortSpec};
+use petgraph::Direction;
+use petgraph::graph::{DiGraph, NodeIndex};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
@@ -105,20 +107,23 @@ impl<'a, 'r> Wiring<'a, 'r> {
     /// All nodes, each after its inputs, otherwise in the order of the file. Nodes that need themselves
     /// are reported and left out, with all that need them.
     pub fn order(&self, mistakes: &mut Vec<Diagnostic>) -> Vec<usize> {
-        let mut waits = vec![0usize; self.drafts.len()];
-        let mut followers: Vec<Vec<usize>> = vec![Vec::new(); self.drafts.len()];
-        for (node, waits) in waits.iter_mut().enumerate() {
+        let mut graph = DiGraph::<(), ()>::new();
+        let places: Vec<NodeIndex> = self.drafts.iter().map(|_| graph.add_node(())).collect();
+        for node in 0..places.len() {
             for edge in self.edges(node) {
-                *waits += 1;
-                followers[edge.from].push(node);
+                graph.add_edge(places[edge.from], places[node], ());
             }
         }
+        let inputs =
+            |&node: &NodeIndex| graph.neighbors_directed(node, Direction::Incoming).count();
+        let mut waits: Vec<usize> = places.iter().map(inputs).collect();
+        // A plain topological sort would do, but of what is ready the first in the file comes first.
         let mut ready: BinaryHeap<Reverse<usize>> =
             waits.iter().enumerate().filter(|(_, w)| **w == 0).map(|(i, _)| Reverse(i)).collect();
         let mut order = Vec::with_capacity(self.drafts.len());
         while let Some(Reverse(node)) = ready.pop() {
             order.push(node);
-            for &next in &followers[node] {
+            for next in graph.neighbors(places[node]).map(NodeIndex::index) {
                 waits[next] -= 1;
                 if waits[next] == 0 {
                     ready.push(Reverse(next));
