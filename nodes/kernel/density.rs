@@ -48,17 +48,17 @@ impl<'a> Density<'a> {
             .nearest_n::<SquaredEuclidean<f32>>(self.nearest)
             .within(self.radius * self.radius)
             .execute();
-        let mut flux = Vec3::ZERO;
-        let mut farthest = 0.0_f32;
-        for photon in &near {
-            let i = photon.item as usize;
-            farthest = farthest.max(photon.distance);
-            if self.photons.normal[i].dot(normal) > SAME_SIDE
-                && self.photons.direction[i].dot(normal) < 0.0
-            {
-                flux += self.photons.power[i];
-            }
-        }
+        // The farthest of as many as were asked for only says how large the disc is: counting it too
+        // would find k photons where k - 1 are expected.
+        let full = near.len() == self.nearest.get() && near.len() > 1;
+        let counted = near.len() - usize::from(full);
+        let farthest = near.iter().map(|photon| photon.distance).fold(0.0, f32::max);
+        let flux: Vec3 = near[..counted]
+            .iter()
+            .map(|photon| photon.item as usize)
+            .filter(|&i| self.photons.normal[i].dot(normal) > SAME_SIDE)
+            .map(|i| self.photons.power[i])
+            .sum();
         // Fewer photons than asked for fill the whole radius; all of them on one spot fill nothing,
         // and a spot of a thousandth of the radius is taken instead of none.
         let squared =
