@@ -1,0 +1,158 @@
+//! Speed of the kernels on the pavilion, each beside what would do the same without it:
+//! `cargo bench -p lightloom-nodes`. Throughputs of a pair are comparable; their ratio is the gain.
+
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use glam::Vec3;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use lightloom_nodes::data::{self, LightKind};
+use lightloom_nodes::kernel::light_tensor::{LightTensor, RayTensor};
+use lightloom_nodes::kernel::neighbours::{Features, Pyramid, map};
+use lightloom_nodes::kernel::nine_vectors::nine_vectors;
+use lightloom_nodes::kernel::receivers::Receivers;
+use lightloom_nodes::kernel::stage::Stage;
+use lightloom_nodes::kernel::visibility::Ends;
+use lightloom_nodes::node::{Ctx, Error, Item, Node};
+use lightloom_nodes::*;
+use std::sync::{Arc, LazyLock};
+
+fn main() {
+    divan::main();
+}
+
+/// Two frames of the pavilion a second apart, and lights on its surfaces and in its sky.
+struct Shot {
+    stage: Arc<Stage>,
+    lights: data::Lights,
+    receivers: Receivers,
+    features: [Arc<Features>; 2],
+}
+
+static SHOT: LazyLock<Shot> = LazyLock::new(|| shot().expect("the pavilion renders"));
+
+fn shot() -> Result<Shot, Error> {
+    let ctx = Ctx::default();
+    let scene = Item::from(Pavilion::default().run((), &ctx)?);
+    let geometry = Item::from(Geometry::default().run(GeometryIn { scene: scene.clone() }, &ctx)?);
+    let materials = Item::from(Materials {}.run(MaterialsIn { scene: scene.clone() }, &ctx)?);
+    let mut frames = Vec::new();
+    for seconds in [0.0, 0.05] {
+        let time = Some(Item::from(data::Time { seconds }));
+        let poses = Poses {}.run(PosesIn { scene: scene.clone(), time: time.clone() }, &ctx)?;
+        let camera = Camera::default().run(CameraIn { scene: scene.clone(), time }, &ctx)?;
+        let poses = Item::from(poses);
+        let input = DeepFramebufferIn {
+            geometry: geometry.clone(),
+            materials: materials.clone(),
+            poses: poses.clone(),
+            camera: camera.into(),
+            environment: None,
+        };
+        let seen = DeepFramebuffer { size: [320, 180], ..DeepFramebuffer::default() };
+        frames.push((poses, Item::from(seen.run(input, &ctx)?)));
+    }
+    let (poses, framebuffer) = &frames[0];
+    let stage = Stage::of(&ctx, &geometry, &materials, poses)?;
+    let input = GatherSamplesIn {
+        geometry: geometry.clone(),
+        materials: materials.clone(),
+        rest: poses.clone(),
+    };
+    let samples = GatherSamples { count: 4096, ..GatherSamples::default() }.run(input, &ctx)?;
+    let weights = [1.0, 0.125, 0.125];
+    let features = [
+        nine_vectors(&ctx, framebuffer, &geometry, weights)?,
+        nine_vectors(&ctx, &frames[1].1, &geometry, weights)?,
+    ];
+    let lights = surface_lights(&stage, &samples);
+    Ok(Shot { lights, receivers: Receivers::of(framebuffer), stage, features })
+}
+
+/// A white cosine light on every gather sample.
+fn surface_lights(stage: &Stage, samples: &data::GatherSamples) -> data::Lights {
+    let surfaces: Vec<_> = samples
+        .triangle
+        .iter()
+        .zip(samples.barycentric.iter())
+        .map(|(t, at)| stage.surface(*t, at.x, at.y))
+        .collect();
+    let n = surfaces.len();
+    data::Lights {
+        kind: vec![LightKind::Cosine as u8; n].into(),
+        position: surfaces.iter().map(|s| s.position).collect(),
+        direction: surfaces.iter().map(|s| s.facet).collect(),
+        emission: vec![Vec3::ONE; n].into(),
+        cone: vec![glam::Vec2::ZERO; n].into(),
+        clamp: vec![0.1; n].into(),
+        identity: 1,
+    }
+}
+
+/// Every 512th light.
+const STEP: usize = 512;
+
+#[divan::bench]
+fn columns_by_packets(bencher: Bencher) {
+    let tensor = RayTensor::new(&SHOT.stage, &SHOT.lights);
+    let samples = &SHOT.receivers.samples;
+    let elements = samples.len() * tensor.lights() / STEP;
+    bencher.counter(ItemsCount::new(elements)).bench(|| {
+        let mut column = [Vec3::ZERO; Ends::CAPACITY];
+        let mut sum = Vec3::ZERO;
+        for j in (0..tensor.lights()).step_by(STEP) {
+            for packet in samples.chunks(Ends::CAPACITY) {
+                tensor.column(j, packet, &mut column[..packet.len()]);
+                sum += column[0];
+            }
+        }
+        sum
+    });
+}
+
+#[divan::bench]
+fn columns_ray_by_ray(bencher: Bencher) {
+    let tensor = RayTensor::new(&SHOT.stage, &SHOT.lights);
+    let samples = &SHOT.receivers.samples;
+    let elements = samples.len() * tensor.lights() / STEP;
+    bencher.counter(ItemsCount::new(elements)).bench(|| {
+        let lights = (0..tensor.lights()).step_by(STEP);
+        lights.map(|j| samples.iter().map(|s| tensor.element(s, j)).sum::<Vec3>()).sum::<Vec3>()
+    });
+}
+
+#[divan::bench]
+fn rows_by_packets(bencher: Bencher) {
+    let tensor = RayTensor::new(&SHOT.stage, &SHOT.lights);
+    let samples: Vec<_> = SHOT.receivers.samples.iter().step_by(4096).collect();
+    let mut row = vec![Vec3::ZERO; tensor.lights()];
+    let elements = samples.len() * tensor.lights();
+    bencher.counter(ItemsCount::new(elements)).bench_local(|| {
+        samples.iter().for_each(|s| tensor.row(s, &mut row));
+        row[0]
+    });
+}
+
+#[divan::bench]
+fn pixel_map_by_pyramid(bencher: Bencher) {
+    let [source, target] = &SHOT.features;
+    let pixels = target.width() as usize * target.height() as usize;
+    bencher
+        .counter(ItemsCount::new(pixels))
+        .bench(|| map(&Pyramid::build(source), target, f32::INFINITY).pixel.len());
+}
+
+#[divan::bench]
+fn pixel_map_by_kiddo(bencher: Bencher) {
+    let vectors = |f: &Features| -> Vec<[f32; 9]> {
+        (0..f.width() * f.height()).filter_map(|pixel| f.vector(pixel)).collect()
+    };
+    let [source, target] = SHOT.features.each_ref().map(|f| vectors(f));
+    bencher.counter(ItemsCount::new(target.len())).bench(|| {
+        let tree: ImmutableKdTree<f32, 9> =
+            ImmutableKdTree::new_from_slice(&source).expect("finite points");
+        let nearest = |q: &[f32; 9]| {
+            tree.query(q).nearest_one::<SquaredEuclidean<f32>>().execute().distance
+        };
+        target.iter().map(nearest).sum::<f32>()
+    });
+}
