@@ -150,9 +150,8 @@ fn pixel_map_by_kiddo(bencher: Bencher) {
     bencher.counter(ItemsCount::new(target.len())).bench(|| {
         let tree: ImmutableKdTree<f32, 9> =
             ImmutableKdTree::new_from_slice(&source).expect("finite points");
-        let nearest = |q: &[f32; 9]| {
-            tree.query(q).nearest_one::<SquaredEuclidean<f32>>().execute().distance
-        };
+        let nearest =
+            |q: &[f32; 9]| tree.query(q).nearest_one::<SquaredEuclidean<f32>>().execute().distance;
         target.iter().map(nearest).sum::<f32>()
     });
 }

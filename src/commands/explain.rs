@@ -66,9 +66,7 @@ impl Explanation {
     fn new(session: &Session, name: &str) -> Result<Explanation, Failure> {
         let (graph, store) = (&session.graph, &session.store);
         let at = session.node(name)?;
-        let plan = session.plan(&[at])?;
-        let mut known = Resolution::new(graph, &plan);
-        known.settle(graph, &plan, store)?;
+        let (plan, known) = session.resolve(&[at])?;
         let node = &graph.nodes[at];
         let own: Vec<usize> =
             (0..plan.executions.len()).filter(|&e| plan.executions[e].node == at).collect();

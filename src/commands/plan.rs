@@ -6,7 +6,7 @@ use super::history::{History, compare};
 use super::output::{say, say_json};
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs};
-use crate::engine::{Resolution, Status};
+use crate::engine::Status;
 use crate::registry::Registry;
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -80,9 +80,7 @@ impl Forecast {
     fn new(session: &Session) -> Result<Forecast, Failure> {
         let (graph, store) = (&session.graph, &session.store);
         let wanted = session.outputs();
-        let plan = session.plan(&wanted)?;
-        let mut known = Resolution::new(graph, &plan);
-        known.settle(graph, &plan, store)?;
+        let (plan, known) = session.resolve(&wanted)?;
         let shelf = Shelf { store, plan: &plan, known: &known };
         let fates = fates(&shelf, &wanted);
         let history = History::read(store, graph);

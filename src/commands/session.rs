@@ -2,7 +2,7 @@
 
 use super::output::say_json;
 use super::{Common, GraphArgs};
-use crate::engine::{EngineError, Plan};
+use crate::engine::{EngineError, Plan, Resolution};
 use crate::graph::{Diagnostic, Graph, Override};
 use crate::registry::Registry;
 use crate::store::{Store, StoreError};
@@ -125,6 +125,14 @@ impl Session {
     /// The executions that the nodes at `wanted` need.
     pub fn plan(&self, wanted: &[usize]) -> Result<Plan, Failure> {
         Plan::new(&self.graph, wanted, &self.store).map_err(|e| Failure::Usage(e.to_string()))
+    }
+
+    /// Those executions, and what the cache knows of them without running any.
+    pub fn resolve(&self, wanted: &[usize]) -> Result<(Plan, Resolution), Failure> {
+        let plan = self.plan(wanted)?;
+        let mut known = Resolution::new(&self.graph, &plan);
+        known.settle(&self.graph, &plan, &self.store)?;
+        Ok((plan, known))
     }
 
     /// The nodes whose results are published.

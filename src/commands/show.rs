@@ -5,7 +5,7 @@ use super::output::{say, say_json};
 use super::run::default_folder;
 use super::session::{Failure, Session};
 use super::{Common, GraphArgs, figures};
-use crate::engine::{EngineError, Held, Resolution};
+use crate::engine::{EngineError, Held};
 use crate::registry::Registry;
 use lightloom_nodes::data::{Array, Arrays, Bytes, Data, Field, Image, decode};
 use lightloom_nodes::node::{Ctx, Error, Node};
@@ -72,9 +72,7 @@ impl Shown {
     fn new(session: &Session, name: &str, item: usize, folder: &Path) -> Result<Shown, Failure> {
         let (graph, store) = (&session.graph, &session.store);
         let at = session.node(name)?;
-        let plan = session.plan(&[at])?;
-        let mut known = Resolution::new(graph, &plan);
-        known.settle(graph, &plan, store)?;
+        let (_, known) = session.resolve(&[at])?;
         let node = &graph.nodes[at];
         let Some(held) = known.held[at].get(item) else {
             let items = known.held[at].len();

@@ -14,9 +14,6 @@ pub struct Manifest(String);
 
 impl Manifest {
     /// Kind, version, parameters, content of files, and content of inputs; nothing else counts.
-    ///
-    /// # Errors
-    /// When a file cannot be read.
     pub fn new(node: &GraphNode, files: &[Digest], inputs: &[(&'static str, Vec<Held>)]) -> Self {
         let mut text = format!("kind {}\nversion {}\n", node.kind, node.version);
         for (name, value) in node.node.canonical() {

@@ -11,8 +11,7 @@
 //! ```
 //! Any number of processes on any number of hosts may use one directory. There is no index and no database: a record
 //! without its blob is a miss, and so is anything torn, altered or cut short, which is moved to the quarantine and
-//! reported by [`Store::damage`]. Only records written durably are synced to the disk; after a power loss the others
-//! are found damaged and made again.
+//! reported by [`Store::damage`]. Nothing is synced to the disk: what a power loss takes is found damaged and made again.
 
 mod blob;
 mod clear;

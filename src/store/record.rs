@@ -69,13 +69,14 @@ impl Store {
     /// Writes a record under the key of its manifest, which is returned, in place of the one that is there. The blob
     /// must have been put before.
     pub fn put_record(&self, record: &Record) -> Result<Digest, StoreError> {
-        self.write_record(record, false)
-    }
-
-    /// As [`Store::put_record`], and the record is on the disk when this returns (some milliseconds): for the records
-    /// of whole sequences.
-    pub fn put_record_durably(&self, record: &Record) -> Result<Digest, StoreError> {
-        self.write_record(record, true)
+        let key = key_of(&record.manifest);
+        let path = self.shelf("ac", &key);
+        // Unescaped, so that the lines of the manifest are lines for whoever reads the file.
+        let style = PrettyConfig::new().struct_names(true).escape_strings(false);
+        match ron::ser::to_string_pretty(record, style) {
+            Ok(text) => self.put_text(&path, &seal(&text)).map(|()| key),
+            Err(cause) => Err(StoreError::Record { path, cause }),
+        }
     }
 
     /// All readable records with their keys, in the order of the keys.
@@ -89,17 +90,6 @@ impl Store {
             }
         });
         keys.filter_map(|(key, _)| Some((key, self.record(&key)?)))
-    }
-
-    fn write_record(&self, record: &Record, durably: bool) -> Result<Digest, StoreError> {
-        let key = key_of(&record.manifest);
-        let path = self.shelf("ac", &key);
-        // Unescaped, so that the lines of the manifest are lines for whoever reads the file.
-        let style = PrettyConfig::new().struct_names(true).escape_strings(false);
-        match ron::ser::to_string_pretty(record, style) {
-            Ok(text) => self.put_text(&path, &seal(&text), durably).map(|()| key),
-            Err(cause) => Err(StoreError::Record { path, cause }),
-        }
     }
 }
 
@@ -119,7 +109,7 @@ mod tests {
         {
             let mut written = record(text, b"blob", seconds);
             written.notes = nasty.map(str::to_owned).to_vec();
-            let key = store.put_record_durably(&written).unwrap();
+            let key = store.put_record(&written).unwrap();
             assert_eq!(store.record(&key), Some(written));
         }
         assert_eq!(store.damage(), []);
@@ -161,7 +151,7 @@ mod tests {
     fn a_record_of_another_version_is_a_miss_and_stays() {
         let (_dir, store) = open();
         let key = key_of("a");
-        store.put_text(&store.shelf("ac", &key), &seal("Record(manifest: \"a\")"), false).unwrap();
+        store.put_text(&store.shelf("ac", &key), &seal("Record(manifest: \"a\")")).unwrap();
         assert_eq!(store.record(&key), None);
         assert_eq!(store.damage(), []);
         assert!(store.shelf("ac", &key).exists());

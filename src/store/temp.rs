@@ -63,20 +63,12 @@ impl Store {
         }
     }
 
-    /// Writes a small text file to `to`, whole or not at all; `durably`: it is on the disk when this returns.
-    pub(super) fn put_text(&self, to: &Path, text: &str, durably: bool) -> Result<(), StoreError> {
+    /// Writes a small text file to `to`, whole or not at all.
+    pub(super) fn put_text(&self, to: &Path, text: &str) -> Result<(), StoreError> {
         let mut temp = self.temp()?;
         let failed = |cause| StoreError::writing(to, text.len() as u64)(cause);
         temp.file.write_all(text.as_bytes()).map_err(failed)?;
-        if durably {
-            temp.file.sync_all().map_err(failed)?;
-        }
-        temp.keep(to)?;
-        if durably && let Some(dir) = to.parent() {
-            let synced = File::open(dir).and_then(|dir| dir.sync_all());
-            synced.map_err(StoreError::at("sync", dir))?;
-        }
-        Ok(())
+        temp.keep(to)
     }
 
     /// Removes the temporary files whose writers are dead. Where locks are not supported: those older than a day.
