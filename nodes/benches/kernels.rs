@@ -17,6 +17,8 @@ use lightloom_nodes::*;
 use std::sync::{Arc, LazyLock};
 
 fn main() {
+    // One thread for all, so that a pair compares kernels and not numbers of threads.
+    rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("the first pool");
     divan::main();
 }
 
