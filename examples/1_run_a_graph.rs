@@ -32,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let store = Arc::new(Store::open(Path::new(".lightloom"), None)?);
     let wanted: Vec<usize> = graph.outputs.iter().map(|(_, node)| *node).collect();
     let plan = Plan::new(&graph, &wanted, &store)?;
-    let options = Options { jobs: 2, memory: 4 << 30, cancelled: Arc::default() };
+    let options = Options::default();
     let (summary, known) = engine::run(&graph, &plan, &wanted, &store, &options, &Ends)?;
     for published in publish(&graph, &plan, &known, &store, Path::new("out/example"))? {
         println!("wrote {}", published.path.display());

@@ -64,8 +64,8 @@ fn main() -> Result<(), Error> {
         };
         let image = Reconstruct {}.run(input, &ctx)?.items.remove(0);
         let image = vec![Item::from(image)].into();
-        let error =
-            Compare {}.run(CompareIn { image, reference: vec![truth.clone()].into() }, &ctx)?;
+        let error = Compare::default()
+            .run(CompareIn { image, reference: vec![truth.clone()].into() }, &ctx)?;
         println!("{count:4} of 1024 columns: relative L2 error {:.4}", error.relative_l2[0]);
     }
     Ok(())

@@ -5,14 +5,16 @@ mod framebuffer;
 mod geometry;
 mod image;
 mod lights;
+mod perception;
 mod scene;
 mod tensor;
 
 pub use array::{Array, Arrays, Bytes, Element, Field, View, write_arrays};
 pub use framebuffer::{Camera, DeepFramebuffer, NONE, PixelMaps};
 pub use geometry::{Geometry, Materials, Poses, alpha, instance};
-pub use image::{Comparison, Environment, Image, Picture};
+pub use image::{Comparison, Environment, Image, PerceptualDifferences, Picture, Ssim};
 pub use lights::{GatherSamples, LightKind, Lights, Photons};
+pub use perception::{ColorVideoVdp, Flip};
 pub use scene::{Channel, Primitive, Scene, Time, channel};
 pub use tensor::{Clusters, Representatives, Rows};
 
@@ -22,6 +24,8 @@ use crate::node::Error;
 pub trait Data: Sized + Send + Sync + 'static {
     /// Its type's name in the catalogue.
     const TYPE: &'static str;
+    /// Whether it is nothing but numbers for people: those are published, and measured by sweeps.
+    const FIGURES: bool = false;
     /// Every named array, in the order of declaration.
     fn views(&self) -> Vec<(&'static str, View<'_>)>;
     /// Reads it back.
@@ -46,15 +50,18 @@ pub fn decode<T: Data>(bytes: Bytes) -> Result<T, Error> {
     T::load(&Arrays::parse(bytes, T::TYPE)?)
 }
 
-/// Declares an artifact: a struct of [`Array`]s and single [`Element`]s with their meaning.
+/// Declares an artifact: a struct of [`Array`]s and single [`Element`]s with their meaning. One that is
+/// nothing but numbers for people is declared as `pub struct Name: Figures { ... }`.
 #[macro_export]
 macro_rules! artifact {
-    ( $(#[doc = $doc:literal])* pub struct $name:ident { $( $(#[doc = $fdoc:literal])* $field:ident : $ty:ty ),* $(,)? } ) => {
+    (@ Figures) => { true };
+    ( $(#[doc = $doc:literal])* pub struct $name:ident $(: $figures:ident)? { $( $(#[doc = $fdoc:literal])* $field:ident : $ty:ty ),* $(,)? } ) => {
         $(#[doc = $doc])*
         #[derive(Clone, Debug)]
         pub struct $name { $( $(#[doc = $fdoc])* pub $field: $ty ),* }
         impl $crate::data::Data for $name {
             const TYPE: &'static str = stringify!($name);
+            $( const FIGURES: bool = $crate::artifact!(@ $figures); )?
             fn views(&self) -> Vec<(&'static str, $crate::data::View<'_>)> {
                 vec![$( (stringify!($field), $crate::data::Field::view(&self.$field)) ),*]
             }

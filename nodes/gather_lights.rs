@@ -66,6 +66,8 @@ impl Node for GatherLights {
             None => None,
         };
         let shader = Shader { stage: &stage, tensor, density, clamp: self.clamp * diagonal };
+        let direct = shader.tensor.as_ref().map_or(0, RayTensor::lights);
+        ctx.evaluated(samples.triangle.len() as u64 * direct as u64);
         let indices: Vec<usize> = (0..samples.triangle.len()).collect();
         let (done, total) = (AtomicU64::new(0), indices.len().div_ceil(BATCH) as u64);
         let lights: Vec<Vec<Light>> = indices

@@ -12,6 +12,7 @@ pub mod latlong;
 pub mod light_list;
 pub mod light_tensor;
 pub mod meshes;
+pub mod metrics;
 pub mod neighbours;
 pub mod nine_vectors;
 pub mod photon_tracing;

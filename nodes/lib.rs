@@ -33,6 +33,7 @@ nodes! {
     apng Apng;
     camera Camera;
     clusters Clusters;
+    color_video_vdp ColorVideoVdp;
     column_clusters ColumnClusters;
     compare Compare;
     deep_framebuffer DeepFramebuffer;
@@ -41,6 +42,8 @@ nodes! {
     environment_lights EnvironmentLights;
     environment_map EnvironmentMap;
     exr Exr;
+    flip Flip;
+    flip_map FlipMap;
     frames Frames;
     gather_lights GatherLights;
     gather_samples GatherSamples;
@@ -50,6 +53,7 @@ nodes! {
     merge_lights MergeLights;
     orbit_camera OrbitCamera;
     pavilion Pavilion;
+    perceptual_differences PerceptualDifferences;
     photon_lights PhotonLights;
     photons Photons;
     pixel_maps PixelMaps;
@@ -62,6 +66,7 @@ nodes! {
     rows Rows;
     scene Scene;
     sky Sky;
+    ssim Ssim;
     still Still;
     sun_lights SunLights;
 }

@@ -15,6 +15,7 @@ use crate::kernel::visibility::Ends;
 use crate::node::{All, Ctx, Error, Item, Node, Sequence, Sizes};
 use glam::Vec3;
 use rayon::prelude::*;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -54,6 +55,8 @@ impl Node for Reconstruct {
     const VERSION: u32 = 1;
     type In = ReconstructIn;
     type Out = Sequence<Image>;
+    // The columns of a small count are among those of a larger one, where representatives nest.
+    const SHARES: Option<&'static str> = Some("representatives");
 
     fn memory(&self, inputs: &Sizes) -> u64 {
         // A pixel takes 80 bytes in a framebuffer and 12 in each of the two images of a frame.
@@ -61,130 +64,207 @@ impl Node for Reconstruct {
     }
 
     fn run(&self, input: ReconstructIn, ctx: &Ctx) -> Result<Sequence<Image>, Error> {
-        let frames = input.representatives.count as usize;
+        let mut outputs = self.run_together(vec![(input, ctx)])?;
+        outputs.pop().ok_or_else(|| Error::invalid("a pass gave nothing"))
+    }
+
+    fn run_together(&self, runs: Vec<(ReconstructIn, &Ctx)>) -> Result<Vec<Sequence<Image>>, Error> {
+        let mut shots = Vec::with_capacity(runs.len());
+        for (input, ctx) in &runs {
+            shots.push(Shot::begin(input, ctx)?);
+        }
+        let Some((input, _)) = runs.first() else { return Ok(Vec::new()) };
+        let frames = shots.iter().map(|shot| shot.images.len()).max().unwrap_or(0);
+        for source in 0..frames {
+            Pass::new(input, &shots, source).run(&mut shots)?;
+        }
+        let shape = input.framebuffer.get(0)?.triangle.shape().to_vec();
+        let image = |radiance| Image { radiance: Array::shaped(radiance, &shape) };
+        let sequence = |shot: Shot<'_>| Sequence {
+            chunk: shot.images.len(),
+            items: shot.images.into_iter().map(image).collect(),
+        };
+        Ok(shots.into_iter().map(sequence).collect())
+    }
+}
+
+/// One reconstruction under way: what it renders, and its images so far.
+struct Shot<'a> {
+    representatives: &'a Representatives,
+    ctx: &'a Ctx,
+    checkpoint: Checkpoint,
+    images: Vec<Vec<Vec3>>,
+}
+
+impl<'a> Shot<'a> {
+    /// Starts with what the framebuffers have, or where an interrupted run left off.
+    fn begin(input: &'a ReconstructIn, ctx: &'a Ctx) -> Result<Self, Error> {
+        let representatives = &*input.representatives;
+        let frames = representatives.count as usize;
         // One framebuffer serves a shot in which only lights change.
         let found = input.framebuffer.len();
         if found != frames && found != 1 {
             return Err(Error::invalid(format!("representatives of {frames} frames, framebuffers of {found}")));
         }
         let first = input.framebuffer.get(0)?;
-        let shape = first.triangle.shape().to_vec();
-        let mut images = Vec::new();
+        let mut images = Vec::with_capacity(frames);
         for k in 0..frames {
             let framebuffer = input.framebuffer.broadcast(k)?;
-            if framebuffer.triangle.shape() != shape {
+            if framebuffer.triangle.shape() != first.triangle.shape() {
                 return Err(Error::invalid("the framebuffers of the shot have different sizes"));
             }
             images.push(framebuffer.emitted.to_vec());
+            let columns = served_from(representatives, k).len();
+            let receivers = framebuffer.triangle.iter().filter(|&&t| t != NONE).count();
+            ctx.evaluated(columns as u64 * receivers as u64);
         }
-        let mut checkpoint = Checkpoint::resume(ctx, &mut images);
-        let total = input.representatives.pair.len() as u64;
-        let done = AtomicU64::new(0);
-        for source in 0..frames {
-            let range = served_from(&input.representatives, source as u32);
-            let next = done.load(Ordering::Relaxed) + range.len() as u64;
-            if source >= checkpoint.next() && !range.is_empty() {
-                let pass = Pass { input: &input, ctx, source, range, done: &done, total };
-                pass.run(&mut images)?;
-                checkpoint.save(source + 1, &images)?;
-            }
-            done.store(next, Ordering::Relaxed);
-            ctx.tick(next, total)?;
-        }
-        let image = |radiance| Image { radiance: Array::shaped(radiance, &shape) };
-        Ok(Sequence { items: images.into_iter().map(image).collect(), chunk: frames })
+        let checkpoint = Checkpoint::resume(ctx, &mut images);
+        Ok(Shot { representatives, ctx, checkpoint, images })
+    }
+
+    /// Its representatives in frame `source`; none where a checkpoint has them already.
+    fn columns(&self, source: usize) -> Range<usize> {
+        let range = served_from(self.representatives, source);
+        if source < self.checkpoint.next() { range.end..range.end } else { range }
     }
 }
 
 /// The representatives whose column lies in frame `source`; they are sorted by frame.
-fn served_from(representatives: &Representatives, source: u32) -> Range<usize> {
+fn served_from(representatives: &Representatives, source: usize) -> Range<usize> {
     let pair = &representatives.pair;
-    pair.partition_point(|p| p[1] < source)..pair.partition_point(|p| p[1] <= source)
+    pair.partition_point(|p| (p[1] as usize) < source)..pair.partition_point(|p| p[1] as usize <= source)
 }
 
-/// All representatives of one frame.
+/// All representatives that any of the reconstructions has in one frame. Each column is rendered once,
+/// however many of them use it.
 struct Pass<'a> {
     input: &'a ReconstructIn,
-    ctx: &'a Ctx,
     source: usize,
-    range: Range<usize>,
-    done: &'a AtomicU64,
-    total: u64,
+    /// Each light with who uses its column: reconstruction and number among its representatives.
+    columns: Vec<(u32, Vec<(usize, usize)>)>,
+    members: Vec<Member<'a>>,
 }
 
-impl Pass<'_> {
-    fn run(&self, images: &mut [Vec<Vec3>]) -> Result<(), Error> {
+/// One reconstruction's part of a pass.
+struct Member<'a> {
+    representatives: &'a Representatives,
+    ctx: &'a Ctx,
+    /// Frames that any of its representatives in this pass serves.
+    served: Range<usize>,
+    /// Its representatives up to this pass.
+    before: u64,
+}
+
+impl<'a> Pass<'a> {
+    fn new(input: &'a ReconstructIn, shots: &[Shot<'a>], source: usize) -> Self {
+        let mut columns: BTreeMap<u32, Vec<(usize, usize)>> = BTreeMap::new();
+        let mut members = Vec::with_capacity(shots.len());
+        for (m, shot) in shots.iter().enumerate() {
+            let range = shot.columns(source);
+            range.clone().for_each(|r| columns.entry(shot.representatives.pair[r][0]).or_default().push((m, r)));
+            let frames = &shot.representatives.frames[range.clone()];
+            let start = frames.iter().map(|f| f[0]).min().unwrap_or(0) as usize;
+            let end = frames.iter().map(|f| f[1]).max().unwrap_or(0) as usize;
+            members.push(Member {
+                representatives: shot.representatives,
+                ctx: shot.ctx,
+                served: start..end,
+                before: range.start as u64,
+            });
+        }
+        Pass { input, source, columns: columns.into_iter().collect(), members }
+    }
+
+    fn run(&self, shots: &mut [Shot<'_>]) -> Result<(), Error> {
+        let (Some((last, _)), Some(first)) = (self.columns.last(), self.members.first()) else { return Ok(()) };
         let input = self.input;
         let framebuffer = input.framebuffer.broadcast(self.source)?;
         let poses = input.poses.broadcast(self.source)?;
         let lights = input.lights.broadcast(self.source)?;
-        let stage = Stage::of(self.ctx, &input.geometry, &input.materials, &poses)?;
+        let stage = Stage::of(first.ctx, &input.geometry, &input.materials, &poses)?;
         let tensor = RayTensor::new(&stage, &lights);
-        if let Some(pair) = input.representatives.pair[self.range.clone()].iter().find(|p| p[0] as usize >= tensor.lights()) {
-            return Err(Error::invalid(format!("representative light {} of {}", pair[0], tensor.lights())));
+        if *last as usize >= tensor.lights() {
+            return Err(Error::invalid(format!("representative light {last} of {}", tensor.lights())));
         }
         let receivers = Receivers::of(&framebuffer);
-        let served = self.served();
-        let sums = self.sum_columns(&tensor, &receivers, &served)?;
-        let pixels = framebuffer.triangle.len();
-        let mut source = vec![Vec3::ZERO; pixels];
-        let mut mapper = Mapper::new(input, self.ctx, self.source)?;
-        let here = self.source.clamp(served.start, served.end);
+        // The sums of a block for all members together fit the cache as those of one do.
+        let block = (BLOCK / self.members.len()).next_multiple_of(Ends::CAPACITY);
+        let sums = self.sum_columns(&tensor, &receivers, block)?;
+        let mut source = vec![Vec3::ZERO; framebuffer.triangle.len()];
+        let mut mapper = Mapper::new(input, first.ctx, self.source)?;
+        let active = || self.members.iter().map(|m| m.served.clone()).filter(|served| !served.is_empty());
+        let start = active().map(|served| served.start).min().unwrap_or(0);
+        let end = active().map(|served| served.end).max().unwrap_or(0);
+        let here = self.source.clamp(start, end);
         // Outward in both directions, so that each map is composed from the one before.
-        for k in (here..served.end).chain((served.start..here).rev()) {
-            source.fill(Vec3::ZERO);
-            for (block, pixels) in sums.iter().zip(receivers.pixel.chunks(BLOCK)) {
-                let sum = &block[(k - served.start) * 3 * pixels.len()..][..3 * pixels.len()];
-                for (pixel, colour) in pixels.iter().zip(sum.as_chunks::<3>().0) {
-                    source[*pixel as usize] = Vec3::from_array(*colour);
+        for k in (here..end).chain((start..here).rev()) {
+            for (m, member) in self.members.iter().enumerate().filter(|(_, member)| member.served.contains(&k)) {
+                source.fill(Vec3::ZERO);
+                for (sums, pixels) in sums.iter().zip(receivers.pixel.chunks(block)) {
+                    let sum = &sums[m][(k - member.served.start) * 3 * pixels.len()..][..3 * pixels.len()];
+                    for (pixel, colour) in pixels.iter().zip(sum.as_chunks::<3>().0) {
+                        source[*pixel as usize] = Vec3::from_array(*colour);
+                    }
                 }
+                mapper.add(k, &source, &mut shots[m].images[k])?;
             }
-            mapper.add(k, &source, &mut images[k])?;
+        }
+        for shot in shots {
+            let range = shot.columns(self.source);
+            if !range.is_empty() {
+                shot.checkpoint.save(self.source + 1, &shot.images)?;
+                shot.ctx.tick(range.end as u64, shot.representatives.pair.len() as u64)?;
+            }
         }
         Ok(())
     }
 
-    /// The frames that any representative of this pass serves.
-    fn served(&self) -> Range<usize> {
-        let frames = &self.input.representatives.frames[self.range.clone()];
-        let start = frames.iter().map(|f| f[0]).min().unwrap_or(0);
-        let end = frames.iter().map(|f| f[1]).max().unwrap_or(0);
-        start as usize..end as usize
-    }
-
-    /// For each block of receivers, `[frame served][receiver][channel]`: the sum of all columns with
-    /// their weights in that frame.
-    fn sum_columns(&self, tensor: &RayTensor<'_>, receivers: &Receivers, served: &Range<usize>) -> Result<Vec<Vec<f32>>, Error> {
-        let representatives = &self.input.representatives;
-        let blocks = receivers.samples.len().div_ceil(BLOCK).max(1) as u64;
-        let (before, finished) = (self.done.load(Ordering::Relaxed), AtomicU64::new(0));
+    /// For each block of receivers and each member, `[frame served][receiver][channel]`: the sum of its
+    /// columns with their weights in that frame.
+    fn sum_columns(&self, tensor: &RayTensor<'_>, receivers: &Receivers, block: usize) -> Result<Vec<Vec<Vec<f32>>>, Error> {
+        let (blocks, finished) = (receivers.samples.len().div_ceil(block).max(1) as u64, AtomicU64::new(0));
         receivers
             .samples
-            .par_chunks(BLOCK)
+            .par_chunks(block)
             .map(|block| {
-                let mut sums = vec![0.0_f32; served.len() * 3 * block.len()];
+                let zeros = |member: &Member<'_>| vec![0.0_f32; member.served.len() * 3 * block.len()];
+                let mut sums: Vec<Vec<f32>> = self.members.iter().map(zeros).collect();
                 let mut column = [Vec3::ZERO; Ends::CAPACITY];
-                for r in self.range.clone() {
-                    let [light, _] = representatives.pair[r];
-                    let [from, to] = representatives.frames[r];
-                    let weights = &representatives.weight[representatives.first_weight[r] as usize..][..(to - from) as usize];
+                for (light, users) in &self.columns {
                     for (p, packet) in block.chunks(Ends::CAPACITY).enumerate() {
                         let column = &mut column[..packet.len()];
-                        tensor.column(light as usize, packet, column);
+                        tensor.column(*light as usize, packet, column);
                         if column.iter().all(|c| *c == Vec3::ZERO) {
                             continue;
                         }
-                        for (k, weight) in (from as usize..).zip(weights) {
-                            let at = ((k - served.start) * block.len() + p * Ends::CAPACITY) * 3;
-                            add_scaled(&mut sums[at..at + 3 * packet.len()], column, *weight);
+                        for &(m, r) in users {
+                            self.members[m].add(r, block.len(), p * Ends::CAPACITY, column, &mut sums[m]);
                         }
                     }
                 }
                 let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
-                self.ctx.tick(before + self.range.len() as u64 * finished / blocks, self.total)?;
+                for member in self.members.iter().filter(|m| !m.served.is_empty()) {
+                    let columns = served_from(member.representatives, self.source).len() as u64;
+                    let total = member.representatives.pair.len() as u64;
+                    member.ctx.tick(member.before + columns * finished / blocks, total)?;
+                }
                 Ok(sums)
             })
             .collect()
+    }
+}
+
+impl Member<'_> {
+    /// Adds the column of representative `r` on the receivers from `at` on to the sums of a block of
+    /// `block` receivers, with its weight in every frame it serves.
+    fn add(&self, r: usize, block: usize, at: usize, column: &[Vec3], sums: &mut [f32]) {
+        let representatives = self.representatives;
+        let [from, to] = representatives.frames[r].map(|f| f as usize);
+        let weights = &representatives.weight[representatives.first_weight[r] as usize..][..to - from];
+        for (k, weight) in (from..).zip(weights) {
+            let start = ((k - self.served.start) * block + at) * 3;
+            add_scaled(&mut sums[start..start + 3 * column.len()], column, *weight);
+        }
     }
 }
 

@@ -44,6 +44,7 @@ impl Node for Reference {
         let tensor = RayTensor::new(&stage, &input.lights);
         let receivers = Receivers::of(&input.framebuffer);
         let packets = receivers.samples.len().div_ceil(Ends::CAPACITY) as u64;
+        ctx.evaluated(receivers.samples.len() as u64 * tensor.lights() as u64);
         let done = AtomicU64::new(0);
         let sums: Vec<Vec<DVec3>> = receivers
             .samples

@@ -65,6 +65,8 @@ impl Node for Rows {
         }
         let stage = Stage::of(ctx, &input.geometry, &input.materials, &input.poses)?;
         let tensor = RayTensor::new(&stage, &input.lights);
+        let sampled = pixel.iter().filter(|&&p| p != NONE).count();
+        ctx.evaluated(sampled as u64 * tensor.lights() as u64);
         let done = AtomicU64::new(0);
         let rows: Vec<Vec<Vec3>> = pixel
             .par_iter()

@@ -7,7 +7,9 @@ pub mod commands;
 pub mod engine;
 pub mod graph;
 pub mod registry;
+pub mod report;
 pub mod store;
+pub mod sweep;
 
 pub use engine::Bindings;
 pub use lightloom_nodes as nodes;

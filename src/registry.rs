@@ -1,14 +1,14 @@
 //! The catalogue of node types, and the one place where their Rust types are erased.
 
 use crate::Bindings;
-use lightloom_nodes::data::{Data, View};
+use lightloom_nodes::data::{Data, Picture, View};
 use lightloom_nodes::node::{
     Ctx, Error, Inputs, Node, Output, ParamSpec, PortSpec, Problems, Sizes,
 };
 use std::path::{Path, PathBuf};
 
-/// Takes the arrays of one item that a node gives.
-pub type Keep<'a> = dyn FnMut(&[(&str, View<'_>)]) -> Result<(), Error> + 'a;
+/// Takes the arrays of one item that a node gives, with the place of the run that gave it.
+pub type Keep<'a> = dyn FnMut(usize, &[(&str, View<'_>)]) -> Result<(), Error> + 'a;
 
 /// A node whose type is known only by name: the value holds its parameters.
 pub trait AnyNode: Send + Sync {
@@ -27,11 +27,14 @@ pub trait AnyNode: Send + Sync {
     fn resolve(&mut self, folder: &Path);
     /// Peak bytes of a run.
     fn memory(&self, inputs: &Sizes) -> u64;
-    /// Runs it and gives each item's encoded bytes through `keep`, and the length of a chunk.
+    /// The port at which several runs may differ and still share most of their work.
+    fn shares(&self) -> Option<&'static str>;
+    /// Runs it once, or several times in one pass, and gives the arrays of each item through `keep`,
+    /// and the length of a chunk.
     ///
     /// # Errors
     /// Those of the node, and those of `keep`.
-    fn run(&self, bindings: &Bindings, ctx: &Ctx, keep: &mut Keep<'_>) -> Result<usize, Error>;
+    fn run(&self, runs: &[(&Bindings, &Ctx)], keep: &mut Keep<'_>) -> Result<usize, Error>;
 }
 
 impl<N: Node> AnyNode for N {
@@ -53,11 +56,25 @@ impl<N: Node> AnyNode for N {
     fn memory(&self, inputs: &Sizes) -> u64 {
         N::memory(self, inputs)
     }
-    fn run(&self, bindings: &Bindings, ctx: &Ctx, keep: &mut Keep<'_>) -> Result<usize, Error> {
-        let output = N::run(self, N::In::bind(bindings)?, ctx)?;
-        let (items, chunk) = output.into_items();
-        items.iter().try_for_each(|item| keep(&item.views()))?;
-        Ok(chunk)
+    fn shares(&self) -> Option<&'static str> {
+        N::SHARES
+    }
+    fn run(&self, runs: &[(&Bindings, &Ctx)], keep: &mut Keep<'_>) -> Result<usize, Error> {
+        let mut bound = Vec::with_capacity(runs.len());
+        for (bindings, ctx) in runs {
+            bound.push((N::In::bind(*bindings)?, *ctx));
+        }
+        let outputs = match bound.pop() {
+            Some((input, ctx)) if bound.is_empty() => vec![N::run(self, input, ctx)?],
+            last => N::run_together(self, bound.into_iter().chain(last).collect())?,
+        };
+        let mut length = 1;
+        for (run, output) in outputs.into_iter().enumerate() {
+            let (items, chunk) = output.into_items();
+            items.iter().try_for_each(|item| keep(run, &item.views()))?;
+            length = chunk;
+        }
+        Ok(length)
     }
 }
 
@@ -75,6 +92,8 @@ pub struct NodeType {
     pub ports: Vec<PortSpec>,
     /// Type of the artifact it gives.
     pub output: &'static str,
+    /// Whether that is nothing but numbers for people.
+    pub figures: bool,
     /// Whether it gives a sequence.
     pub sequence: bool,
     make: fn() -> Box<dyn AnyNode>,
@@ -89,9 +108,15 @@ impl NodeType {
             params: N::specs(),
             ports: N::In::ports(),
             output: <N::Out as Output>::Item::TYPE,
+            figures: <N::Out as Output>::Item::FIGURES,
             sequence: N::Out::SEQUENCE,
             make: || Box::new(N::default()),
         }
+    }
+
+    /// Whether its artifacts become files for people: pictures and figures.
+    pub fn published(&self) -> bool {
+        self.figures || self.output == Picture::TYPE
     }
 
     /// A node of this type with every parameter at its default.

@@ -10,14 +10,14 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-fn lightloom(project: &Workspace) -> Command {
+pub fn lightloom(project: &Workspace) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lightloom"));
     command.current_dir(project.path("")).env_remove("LIGHTLOOM_CACHE").stdin(Stdio::null());
     command
 }
 
 /// Runs a command in the project folder.
-fn ask(project: &Workspace, arguments: &[&str]) -> Output {
+pub fn ask(project: &Workspace, arguments: &[&str]) -> Output {
     lightloom(project).args(arguments).output().unwrap()
 }
 
@@ -31,16 +31,16 @@ fn small(project: &Workspace, arguments: &[&str]) -> Command {
     command
 }
 
-fn code(output: &Output) -> i32 {
+pub fn code(output: &Output) -> i32 {
     output.status.code().unwrap()
 }
 
-fn errors(output: &Output) -> String {
+pub fn errors(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 /// The one JSON document on the output stream.
-fn json(output: &Output) -> Value {
+pub fn json(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|e| {
         panic!("{e} in {:?}, errors {:?}", String::from_utf8_lossy(&output.stdout), errors(output))
     })
@@ -249,7 +249,7 @@ fn a_run_without_changes_takes_less_than_a_second() {
 }
 
 /// The digest of what every action in a cache gave, by its description.
-fn results(cache: &Path) -> BTreeMap<String, String> {
+pub fn results(cache: &Path) -> BTreeMap<String, String> {
     let store = Store::open(cache, None).unwrap();
     store.records().map(|(_, record)| (record.manifest, record.output.to_string())).collect()
 }
@@ -285,7 +285,7 @@ fn threads_and_jobs_do_not_change_a_bit() {
 }
 
 /// How many executions a run computed itself.
-fn ran(output: &Output) -> u64 {
+pub fn ran(output: &Output) -> u64 {
     json(output)["summary"]["nodes"]
         .as_array()
         .unwrap()
@@ -317,7 +317,7 @@ fn records(cache: &Path) -> usize {
 }
 
 /// Waits until a run has recorded `count` actions; false when it ended before.
-fn reaches(child: &mut Child, cache: &Path, count: usize) -> bool {
+pub fn reaches(child: &mut Child, cache: &Path, count: usize) -> bool {
     let end = Instant::now() + Duration::from_secs(60);
     while records(cache) < count {
         assert!(Instant::now() < end, "the run does not get to {count} results");

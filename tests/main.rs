@@ -6,5 +6,6 @@ mod engine;
 mod extremes;
 mod graphs;
 mod scenes;
+mod sweep;
 mod tensor;
 mod workspace;

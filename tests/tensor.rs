@@ -101,7 +101,7 @@ fn smooth(frame: &Frame, image: &Item<Image>) -> Image {
 fn compare(images: &[Image], references: &[Image]) -> nodes::data::Comparison {
     let all = |i: &[Image]| All::from(i.iter().cloned().map(Item::from).collect::<Vec<_>>());
     let input = nodes::CompareIn { image: all(images), reference: all(references) };
-    nodes::Compare {}.run(input, &Ctx::default()).expect("a comparison")
+    nodes::Compare::default().run(input, &Ctx::default()).expect("a comparison")
 }
 
 #[test]

@@ -66,7 +66,7 @@ pub fn graphs() -> PathBuf {
 
 /// One execution at a time within a gigabyte.
 pub fn options() -> Options {
-    Options { jobs: 1, memory: 1 << 30, cancelled: Arc::default() }
+    Options { jobs: 1, memory: 1 << 30, ..Options::default() }
 }
 
 impl Workspace {

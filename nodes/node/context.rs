@@ -4,7 +4,7 @@
 use super::{Digest, Error};
 use std::any::{Any, TypeId};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
 type Progress = Box<dyn Fn(u64, u64) + Send + Sync>;
@@ -16,6 +16,7 @@ pub struct Ctx {
     derived: Arc<Derived>,
     checkpoint: Option<PathBuf>,
     notes: Mutex<Vec<String>>,
+    evaluations: AtomicU64,
 }
 
 impl Default for Ctx {
@@ -35,7 +36,14 @@ impl Ctx {
         progress: Progress,
         checkpoint: Option<PathBuf>,
     ) -> Self {
-        Ctx { cancelled, progress, derived, checkpoint, notes: Mutex::default() }
+        Ctx {
+            cancelled,
+            progress,
+            derived,
+            checkpoint,
+            notes: Mutex::default(),
+            evaluations: AtomicU64::new(0),
+        }
     }
 
     /// Progress and cancellation in one call: `done` of `total` steps of any size.
@@ -62,6 +70,17 @@ impl Ctx {
     /// The notes so far.
     pub fn notes(&self) -> Vec<String> {
         self.notes.lock().expect("no holder of this lock panics").clone()
+    }
+
+    /// Adds to the number of matrix elements that this run stands for: its cost on any machine. An
+    /// element counts whether or not it needed a ray, and after a checkpoint as if there were none.
+    pub fn evaluated(&self, elements: u64) {
+        self.evaluations.fetch_add(elements, Ordering::Relaxed);
+    }
+
+    /// The number so far.
+    pub fn evaluations(&self) -> u64 {
+        self.evaluations.load(Ordering::Relaxed)
     }
 
     /// The file in which an interrupted run left its state and may leave it again.

@@ -45,7 +45,7 @@ enum Verdict {
     /// Records answer every execution.
     Reused(Reused),
     /// The first execution that would run, and the record it is nearest to.
-    Runs { which: String, nearest: Option<(Record, Comparison)> },
+    Runs { which: String, nearest: Option<(Box<Record>, Comparison)> },
     /// Nobody knows before these nodes have run.
     Waits { which: String, nodes: Vec<String> },
 }
@@ -77,7 +77,7 @@ impl Explanation {
                 known.manifest[e].as_ref().map(|m| m.item(execution.items.start, &execution.items));
             let nearest = manifest.and_then(|manifest| {
                 let history = History::read(store, graph);
-                let record = history.nearest(node.kind, &node.name, &manifest)?.clone();
+                let record = Box::new(history.nearest(node.kind, &node.name, &manifest)?.clone());
                 let comparison = compare(graph, execution, &record, &manifest);
                 Some((record, comparison))
             });

@@ -64,7 +64,7 @@ pub fn fates(shelf: &Shelf<'_>, wanted: &[usize]) -> Vec<Fate> {
         .iter()
         .map(|status| match status {
             Status::Hit | Status::Done => Fate::Hit,
-            Status::Run => Fate::Run,
+            Status::Run | Status::Failed => Fate::Run,
             Status::Waiting => Fate::Maybe,
         })
         .collect();
@@ -99,7 +99,7 @@ pub fn blockers(plan: &Plan, known: &Resolution, e: usize) -> BTreeSet<usize> {
         for &(node, item) in plan.executions[e].inputs.iter().flat_map(|(_, places)| places) {
             let giver = plan.giver[node][item];
             match known.status[giver] {
-                Status::Run => {
+                Status::Run | Status::Failed => {
                     found.insert(node);
                 }
                 Status::Waiting if seen.insert(giver) => open.push(giver),

@@ -404,7 +404,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = folder.path().join("triangle.gltf");
         fs::write(&scene, TRIANGLE).unwrap();
-        let common = Common { json: true, cache: folder.path().into(), quota: 1.0 };
+        let common = Common { json: true, cache: folder.path().into(), quota: Some(1.0) };
         let run = |init: &Init| match init.run(&common, &Registry::builtin()) {
             Ok(()) => String::new(),
             Err(Failure::Usage(what)) => what,

@@ -15,9 +15,11 @@ mod nodes;
 mod output;
 mod plan;
 mod progress;
+mod report;
 mod run;
 mod session;
 mod show;
+mod sweep;
 #[cfg(test)]
 mod tests;
 
@@ -47,9 +49,9 @@ pub struct Common {
     /// Folder of the cache.
     #[arg(long, global = true, env = "LIGHTLOOM_CACHE", default_value = ".lightloom")]
     cache: PathBuf,
-    /// Size at which the cache drops what is cheapest to make again, in gigabytes.
-    #[arg(long, global = true, default_value_t = 20.0, value_name = "GB")]
-    quota: f64,
+    /// Size at which the cache drops what is cheapest to make again, in gigabytes; 20 by default.
+    #[arg(long, global = true, value_name = "GB")]
+    quota: Option<f64>,
 }
 
 /// A graph file and changes to it.
@@ -66,6 +68,10 @@ pub struct GraphArgs {
 enum Command {
     /// Runs what the cache does not have and publishes the outputs.
     Run(run::Run),
+    /// Runs a graph at every point of a sweep file, each distinct node run once.
+    Sweep(sweep::Sweep),
+    /// Writes a sweep or a run as one page for a browser, with its table as CSV and JSON.
+    Report(report::Report),
     /// Reads a graph file and reports every mistake.
     Check(check::Check),
     /// Says what a run would do, without running anything.
@@ -90,6 +96,8 @@ pub fn main(registry: Registry) -> ExitCode {
     let common = &cli.common;
     let ended = match &cli.command {
         Command::Run(c) => c.run(common, &registry),
+        Command::Sweep(c) => c.run(common, &registry),
+        Command::Report(c) => c.run(common, &registry),
         Command::Check(c) => c.run(common, &registry),
         Command::Plan(c) => c.run(common, &registry),
         Command::Explain(c) => c.run(common, &registry),

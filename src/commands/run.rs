@@ -38,16 +38,14 @@ impl Run {
         if session.graph.outputs.is_empty() {
             return Err(Failure::Nothing("the graph publishes nothing: name its `outputs`".into()));
         }
-        if let Some(threads) = self.threads {
-            let built = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
-            built.map_err(|e| Failure::Usage(format!("--threads: {e}")))?;
-        }
+        set_threads(self.threads)?;
         let wanted = session.outputs();
         let plan = session.plan(&wanted)?;
         let options = Options {
             jobs: self.jobs.into(),
             memory: (self.memory.max(0.0) * 1e9) as u64,
             cancelled: stop_on_interrupt(),
+            ..Options::default()
         };
         let progress: Box<dyn Progress> = match (common.json, std::io::stderr().is_terminal()) {
             (true, _) => Box::new(Silent),
@@ -75,8 +73,15 @@ pub fn default_folder(graph: &Path) -> PathBuf {
     Path::new("out").join(graph.file_stem().unwrap_or(graph.as_os_str()))
 }
 
+/// Sets the number of threads of all nodes together, where the user gives it.
+pub fn set_threads(threads: Option<u16>) -> Result<(), Failure> {
+    let Some(threads) = threads else { return Ok(()) };
+    let built = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global();
+    built.map_err(|e| Failure::Usage(format!("--threads: {e}")))
+}
+
 /// Ctrl-C stops the run after the current steps; a second one ends the program at once.
-fn stop_on_interrupt() -> Arc<AtomicBool> {
+pub fn stop_on_interrupt() -> Arc<AtomicBool> {
     let cancelled = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&cancelled);
     // Without a handler the program ends at once, which loses no finished result either.

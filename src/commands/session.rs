@@ -19,6 +19,13 @@ pub enum Failure {
     Usage(String),
     /// Nothing matched what was asked for: 3.
     Nothing(String),
+    /// Points of a sweep failed; the others are there: 1.
+    Points {
+        /// How many.
+        message: String,
+        /// What `--json` prints.
+        document: serde_json::Value,
+    },
     /// A node, the cache or the output folder failed, or the user stopped the run: 1 or 4.
     Engine(EngineError),
 }
@@ -39,7 +46,7 @@ impl Failure {
     fn code(&self) -> u8 {
         match self {
             Failure::Engine(EngineError::Cancelled) => 4,
-            Failure::Engine(_) => 1,
+            Failure::Engine(_) | Failure::Points { .. } => 1,
             Failure::Graph(_) | Failure::Usage(_) => 2,
             Failure::Nothing(_) => 3,
         }
@@ -49,7 +56,14 @@ impl Failure {
     pub fn report(&self, json: bool) -> ExitCode {
         let messages: Vec<serde_json::Value> = match self {
             Failure::Graph(all) => all.iter().map(diagnostic_json).collect(),
-            Failure::Usage(text) | Failure::Nothing(text) => {
+            Failure::Points { document, .. } if json => {
+                // The failure itself is what counts, even where its report cannot be written.
+                let _ = say_json(document);
+                return ExitCode::from(self.code());
+            }
+            Failure::Usage(text)
+            | Failure::Nothing(text)
+            | Failure::Points { message: text, .. } => {
                 vec![serde_json::json!({ "message": text })]
             }
             Failure::Engine(error) => vec![serde_json::json!({ "message": error.to_string() })],
@@ -103,8 +117,7 @@ impl Session {
     /// Reads a graph file.
     pub fn graph(args: &GraphArgs, registry: &Registry) -> Result<Graph, Failure> {
         let path = &args.graph;
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| Failure::Usage(format!("{}: cannot be read: {e}", path.display())))?;
+        let text = read_text(path)?;
         let folder = path.parent().unwrap_or(Path::new("."));
         let overrides: Vec<Override> = args.set.iter().cloned().map(Override).collect();
         let label = path.display().to_string();
@@ -154,8 +167,20 @@ impl Session {
 
 /// Opens the cache.
 pub fn store(common: &Common) -> Result<Arc<Store>, Failure> {
-    if !(common.quota.is_finite() && common.quota >= 0.0) {
-        return Err(Failure::Usage(format!("--quota: expected gigabytes, found {}", common.quota)));
+    store_within(common, None)
+}
+
+/// Opens the cache; a quota of the command line counts before `gigabytes`.
+pub fn store_within(common: &Common, gigabytes: Option<f64>) -> Result<Arc<Store>, Failure> {
+    let quota = common.quota.or(gigabytes);
+    if let Some(wrong) = quota.filter(|quota| !(quota.is_finite() && *quota >= 0.0)) {
+        return Err(Failure::Usage(format!("--quota: expected gigabytes, found {wrong}")));
     }
-    Ok(Arc::new(Store::open(&common.cache, Some((common.quota * 1e9) as u64))?))
+    Ok(Arc::new(Store::open(&common.cache, quota.map(|quota| (quota * 1e9) as u64))?))
+}
+
+/// Reads a file that the user named.
+pub fn read_text(path: &Path) -> Result<String, Failure> {
+    std::fs::read_to_string(path)
+        .map_err(|e| Failure::Usage(format!("{}: cannot be read: {e}", path.display())))
 }

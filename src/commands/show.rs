@@ -296,7 +296,7 @@ mod tests {
         bench.run(&[]);
         let errors = shown(&bench, "compare", 1).ok().unwrap();
         assert!(
-            errors.text().starts_with("compare  Compare v1, chunk 1 of 2\n  Comparison, "),
+            errors.text().starts_with("compare  Compare v2, chunk 1 of 2\n  Comparison, "),
             "{}",
             errors.text()
         );

@@ -9,7 +9,6 @@ use glam::Vec3;
 use lightloom_nodes::data::{Image, Time};
 use lightloom_nodes::node::{Ctx, Error, Item, Node};
 use std::path::PathBuf;
-use std::sync::Arc;
 use tempfile::TempDir;
 
 lightloom_nodes::params! {
@@ -87,7 +86,7 @@ impl Bench {
 
     /// The graph with changes, and the cache, as a command opens them.
     pub fn session(&self, set: &[&str]) -> Session {
-        let common = Common { json: false, cache: self.path("cache"), quota: 20.0 };
+        let common = Common { json: false, cache: self.path("cache"), quota: None };
         let set = set.iter().map(|s| (*s).to_owned()).collect();
         let args = GraphArgs { graph: self.path("graph.ron"), set };
         match Session::open(&common, &args, &self.registry) {
@@ -106,7 +105,7 @@ impl Bench {
         let session = self.session(set);
         let wanted: Vec<usize> = names.iter().filter_map(|name| session.graph.find(name)).collect();
         let Ok(plan) = session.plan(&wanted) else { panic!("the graph has no plan") };
-        let options = Options { jobs: 1, memory: 1 << 30, cancelled: Arc::default() };
+        let options = Options { jobs: 1, ..Options::default() };
         engine::run(&session.graph, &plan, &wanted, &session.store, &options, &Silent).unwrap().0
     }
 }
@@ -116,6 +115,7 @@ pub fn told(failure: &Failure) -> String {
     match failure {
         Failure::Graph(all) => all.iter().map(|d| d.render(false)).collect(),
         Failure::Usage(text) | Failure::Nothing(text) => text.clone(),
+        Failure::Points { message, .. } => message.clone(),
         Failure::Engine(error) => error.to_string(),
     }
 }

@@ -3,7 +3,8 @@
 use super::Bindings;
 use crate::graph::{Axis, Graph};
 use crate::store::Store;
-use lightloom_nodes::node::{Cardinality, Ctx, Error};
+use lightloom_nodes::data::write_arrays;
+use lightloom_nodes::node::{Cardinality, Ctx, Digest, Error};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -70,6 +71,8 @@ pub struct Plan {
     pub executions: Vec<Execution>,
     /// For each node and item, the execution that gives it.
     pub giver: Vec<Vec<usize>>,
+    /// Digest of each item of the sequence that the shot is made of; empty for a still.
+    pub times: Vec<Digest>,
 }
 
 impl Plan {
@@ -79,7 +82,7 @@ impl Plan {
     /// When the node that makes the sequence fails.
     pub fn new(graph: &Graph, wanted: &[usize], store: &Arc<Store>) -> Result<Plan, Error> {
         let needed = graph.needed(wanted);
-        let shot = shot(graph, store)?;
+        let (shot, times) = shot(graph, store)?;
         let mut executions = Vec::new();
         for (n, node) in graph.nodes.iter().enumerate().filter(|(n, _)| needed[*n]) {
             for run in 0..shot.len(node.runs) {
@@ -111,27 +114,27 @@ impl Plan {
         for (e, execution) in executions.iter().enumerate() {
             execution.items.clone().for_each(|item| giver[execution.node][item] = e);
         }
-        Ok(Plan { shot, executions, giver })
+        Ok(Plan { shot, executions, giver, times })
     }
 }
 
-/// The length of the shot: that of the sequence its one source gives, or a still.
-fn shot(graph: &Graph, store: &Arc<Store>) -> Result<Shot, Error> {
-    let source = graph.nodes.iter().find(|n| n.runs == Axis::Single && n.axis == Axis::Frames);
-    let Some(source) = source else { return Ok(Shot { frames: 1, chunk: 1 }) };
-    let mut frames = 0;
-    let chunk = source.node.run(
-        &Bindings::new(Arc::clone(store), Vec::new()),
-        &Ctx::default(),
-        &mut |_| {
-            frames += 1;
-            Ok(())
-        },
-    )?;
+/// The length of the shot: that of the sequence its one source gives, or a still; and its items.
+fn shot(graph: &Graph, store: &Arc<Store>) -> Result<(Shot, Vec<Digest>), Error> {
+    let source = graph.nodes.iter().find(|n| n.gives_the_shot());
+    let Some(source) = source else { return Ok((Shot { frames: 1, chunk: 1 }, Vec::new())) };
+    let mut times = Vec::new();
+    let nothing = Bindings::new(Arc::clone(store), Vec::new());
+    let chunk = source.node.run(&[(&nothing, &Ctx::default())], &mut |_, arrays| {
+        let mut bytes = Vec::new();
+        write_arrays(&mut bytes, arrays).map_err(|e| Error::invalid(e.to_string()))?;
+        times.push(Digest::of(&bytes));
+        Ok(())
+    })?;
+    let frames = times.len();
     if frames == 0 {
         return Err(Error::invalid(format!("{} gives a sequence without items", source.name)));
     }
-    Ok(Shot { frames, chunk: chunk.clamp(1, frames) })
+    Ok((Shot { frames, chunk: chunk.clamp(1, frames) }, times))
 }
 
 /// The items of node `from` that a port sees in one run.

@@ -48,6 +48,11 @@ impl Manifest {
         format!("{}item {} of {}\n", self.0, item - items.start, items.len())
     }
 
+    /// The key of that text.
+    pub fn item_key(&self, item: usize, items: &Range<usize>) -> Digest {
+        key_of(&self.item(item, items))
+    }
+
     /// The key of the execution as a whole.
     pub fn key(&self) -> Digest {
         key_of(&self.0)

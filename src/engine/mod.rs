@@ -2,17 +2,21 @@
 
 mod bindings;
 mod execution;
+mod identity;
 mod manifest;
+mod meter;
 mod perform;
 mod publish;
 mod resolve;
 mod schedule;
 mod summary;
+mod together;
 
 pub use bindings::{Bindings, Held};
 pub use execution::{Execution, Plan, Shot};
+pub use identity::identities;
 pub use manifest::Manifest;
-pub use publish::{Published, publish};
+pub use publish::{Numbers, Owner, Published, mean, numbers_of, publish, write_whole};
 pub use resolve::{Resolution, Status};
 pub use schedule::{Options, Progress, run};
 pub use summary::{NodeSummary, Summary};

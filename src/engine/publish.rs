@@ -64,7 +64,7 @@ pub fn publish(
             let name = file_name(output, axis, item, plan.shot, &extension);
             let path = folder.join(&name);
             if !stands(&before, &name, &path, held.digest) {
-                write(&path, &content).map_err(io(&path))?;
+                write_whole(&path, &content).map_err(io(&path))?;
             }
             let (size, changed) = stamp(&path).map_err(io(&path))?;
             after.insert(name, (held.digest, size, changed));
@@ -74,12 +74,13 @@ pub fn publish(
     if after != before {
         let text = serde_json::to_vec(&after)
             .map_err(|e| EngineError::Io { path: index.clone(), cause: e.into() })?;
-        write(&index, &text).map_err(io(&index))?;
+        write_whole(&index, &text).map_err(io(&index))?;
     }
     Ok(published)
 }
 
-struct Owner(Arc<memmap2::Mmap>);
+/// A mapped blob as bytes that artifacts may share.
+pub struct Owner(pub Arc<memmap2::Mmap>);
 
 impl AsRef<[u8]> for Owner {
     fn as_ref(&self) -> &[u8] {
@@ -106,24 +107,52 @@ fn picture(bytes: Bytes, folder: &Path) -> Result<Content, EngineError> {
 
 /// Arrays of numbers as JSON, with the mean of each.
 fn numbers(bytes: Bytes, kind: &'static str, folder: &Path) -> Result<Content, EngineError> {
-    let arrays = Arrays::parse(bytes, kind).map_err(|e| unreadable(folder, e))?;
+    let arrays = numbers_of(bytes, kind).map_err(|e| unreadable(folder, e))?;
     let mut object = serde_json::Map::new();
     let mut figures = Vec::new();
-    for (name, _, shape) in arrays.describe() {
-        let values: Vec<f64> = match (shape.len(), Array::<f64>::load(&arrays, &name)) {
-            (_, Ok(values)) => values.to_vec(),
-            (0, Err(_)) => vec![f64::load(&arrays, &name).map_err(|e| unreadable(folder, e))?],
-            (_, Err(e)) => return Err(unreadable(folder, e)),
-        };
-        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-        object.insert(
-            name.clone(),
-            if shape.is_empty() { serde_json::json!(mean) } else { serde_json::json!(values) },
-        );
+    for Numbers { name, values, single } in arrays {
+        let mean = mean(&values);
+        let value = if single { serde_json::json!(mean) } else { serde_json::json!(values) };
+        object.insert(name.clone(), value);
         figures.push((name, mean));
     }
     let text = serde_json::to_string_pretty(&object).unwrap_or_default() + "\n";
     Ok((text.into_bytes(), "json".into(), figures))
+}
+
+/// An array of an artifact of numbers.
+pub struct Numbers {
+    /// The array's name.
+    pub name: String,
+    /// Its values.
+    pub values: Vec<f64>,
+    /// Whether it is a number and not a list.
+    pub single: bool,
+}
+
+/// The arrays of an artifact that holds nothing but numbers.
+///
+/// # Errors
+/// When the bytes are no such artifact.
+pub fn numbers_of(
+    bytes: Bytes,
+    kind: &'static str,
+) -> Result<Vec<Numbers>, lightloom_nodes::node::Error> {
+    let arrays = Arrays::parse(bytes, kind)?;
+    let load = |(name, _, shape): (String, _, Vec<usize>)| {
+        let (values, single) = match (shape.len(), Array::<f64>::load(&arrays, &name)) {
+            (_, Ok(values)) => (values.to_vec(), shape.is_empty()),
+            (0, Err(_)) => (vec![f64::load(&arrays, &name)?], true),
+            (_, Err(e)) => return Err(e),
+        };
+        Ok(Numbers { name, values, single })
+    };
+    arrays.describe().into_iter().map(load).collect()
+}
+
+/// The mean; 0 of nothing.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 /// `name.png`, `name.0007.exr` for frame 7, `name.01.png` for the second chunk of several.
@@ -148,8 +177,11 @@ fn stamp(path: &Path) -> std::io::Result<(u64, u128)> {
     Ok((meta.len(), changed))
 }
 
-/// Whole or not at all: a reader of the folder never sees half a picture.
-fn write(path: &Path, content: &[u8]) -> std::io::Result<()> {
+/// Writes a file whole or not at all: a reader of the folder never sees half a picture.
+///
+/// # Errors
+/// When it cannot be written.
+pub fn write_whole(path: &Path, content: &[u8]) -> std::io::Result<()> {
     let mut part = path.as_os_str().to_owned();
     part.push(".part");
     let part = PathBuf::from(part);

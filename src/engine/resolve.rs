@@ -6,8 +6,9 @@ use super::bindings::Held;
 use super::execution::Plan;
 use super::manifest::Manifest;
 use crate::graph::Graph;
-use crate::store::{Record, Store, key_of};
+use crate::store::{Record, Store};
 use lightloom_nodes::node::{Digest, Error};
+use std::collections::BTreeMap;
 
 /// What is known of an execution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +21,8 @@ pub enum Status {
     Run,
     /// It has run in this process.
     Done,
+    /// It failed, or something it needs did.
+    Failed,
 }
 
 /// The state of all executions of a plan.
@@ -30,6 +33,8 @@ pub struct Resolution {
     pub manifest: Vec<Option<Manifest>>,
     /// For each node and item: the artifact, once known.
     pub held: Vec<Vec<Option<Held>>>,
+    /// What the executions said that failed themselves.
+    pub problems: BTreeMap<usize, String>,
     files: Vec<Option<Vec<Digest>>>,
 }
 
@@ -40,6 +45,7 @@ impl Resolution {
             status: vec![Status::Waiting; plan.executions.len()],
             manifest: vec![None; plan.executions.len()],
             held: plan.giver.iter().map(|items| vec![None; items.len()]).collect(),
+            problems: BTreeMap::new(),
             files: vec![None; graph.nodes.len()],
         }
     }
@@ -71,7 +77,15 @@ impl Resolution {
         e: usize,
     ) -> Result<bool, EngineError> {
         let execution = &plan.executions[e];
-        let Some(inputs) = self.inputs(plan, e) else { return Ok(false) };
+        let Some(inputs) = self.inputs(plan, e) else {
+            let failed =
+                |&(n, item): &(usize, usize)| self.status[plan.giver[n][item]] == Status::Failed;
+            let hopeless = execution.inputs.iter().any(|(_, places)| places.iter().any(failed));
+            if hopeless {
+                self.status[e] = Status::Failed;
+            }
+            return Ok(hopeless);
+        };
         let node = &graph.nodes[execution.node];
         if self.files[execution.node].is_none() {
             let failed = |e: crate::store::StoreError| EngineError::Node {
@@ -103,6 +117,12 @@ impl Resolution {
         plan.executions[e].inputs.iter().map(port).collect()
     }
 
+    /// An execution failed, and said why.
+    pub fn fail(&mut self, e: usize, problem: String) {
+        self.status[e] = Status::Failed;
+        self.problems.insert(e, problem);
+    }
+
     /// The artifacts of an execution are known.
     pub fn know(&mut self, plan: &Plan, e: usize, status: Status, held: &[Held]) {
         let execution = &plan.executions[e];
@@ -119,7 +139,6 @@ pub fn recorded(
     items: &std::ops::Range<usize>,
     store: &Store,
 ) -> Option<Vec<Held>> {
-    let find =
-        |item: usize| -> Option<Record> { store.record(&key_of(&manifest.item(item, items))) };
+    let find = |item: usize| -> Option<Record> { store.record(&manifest.item_key(item, items)) };
     items.clone().map(find).map(|r| r.map(|r| Held { digest: r.output, bytes: r.bytes })).collect()
 }

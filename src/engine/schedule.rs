@@ -4,10 +4,11 @@
 use super::EngineError;
 use super::bindings::{Bindings, Held};
 use super::execution::Plan;
-use super::manifest::Manifest;
-use super::perform::Ended;
+use super::meter::Meter;
+use super::perform::{Ended, Job};
 use super::resolve::{Resolution, Status};
 use super::summary::{NodeSummary, Summary, peak_bytes};
+use super::together::Together;
 use crate::graph::Graph;
 use crate::store::Store;
 use lightloom_nodes::node::Derived;
@@ -24,6 +25,8 @@ pub trait Progress: Send + Sync {
     fn step(&self, node: usize, run: usize, done: u64, total: u64);
     /// An execution of a node ended well.
     fn end(&self, node: usize, run: usize);
+    /// An execution failed, and the run goes on without what needs it.
+    fn fail(&self, _node: usize, _run: usize, _problem: &str) {}
 }
 
 /// How a run uses the machine; nothing here can change a result.
@@ -33,14 +36,27 @@ pub struct Options {
     /// Bytes that running nodes may take together, by their own estimates; a node that alone
     /// needs more runs alone.
     pub memory: u64,
+    /// Whether what does not need a failed node still runs.
+    pub keep_going: bool,
+    /// Whether every execution runs in a pass of its own, so that its time is its own.
+    pub apart: bool,
     /// Becomes true when the run shall stop.
     pub cancelled: Arc<AtomicBool>,
+}
+
+impl Default for Options {
+    /// Two executions side by side, four gigabytes, and the first failure ends the run.
+    fn default() -> Self {
+        let (keep_going, apart) = (false, false);
+        Options { jobs: 2, memory: 4_000_000_000, keep_going, apart, cancelled: Arc::default() }
+    }
 }
 
 /// Runs whatever the nodes at `wanted` need and the cache does not have, their own blobs included.
 ///
 /// # Errors
-/// The first node that failed; cancellation; a failing cache. What was finished is kept in all cases.
+/// The first node that failed, unless the run keeps going and says so in [`Resolution::problems`];
+/// cancellation; a failing cache. What was finished is kept in all cases.
 pub fn run(
     graph: &Graph,
     plan: &Plan,
@@ -62,6 +78,7 @@ pub fn run(
         checked: vec![false; plan.executions.len()],
     };
     let derived = Arc::new(Derived::new((options.memory / 4) as usize));
+    let together = if options.apart { Together::none(plan) } else { Together::new(graph, plan) };
     let shared = Shared {
         graph,
         plan,
@@ -70,6 +87,9 @@ pub fn run(
         options,
         progress,
         derived,
+        together,
+        meter: Meter::new(),
+        host: gethostname::gethostname().to_string_lossy().into_owned(),
         state: Mutex::new(state),
         changed: Condvar::new(),
     };
@@ -132,13 +152,17 @@ pub(super) struct Shared<'a> {
     pub(super) options: &'a Options,
     pub(super) progress: &'a dyn Progress,
     pub(super) derived: Arc<Derived>,
+    pub(super) meter: Meter,
+    pub(super) host: String,
+    together: Together,
     state: Mutex<State>,
     changed: Condvar,
 }
 
 /// What a worker does next.
 enum Next {
-    Run(usize, Manifest, Bindings, u64),
+    /// Executions that share a pass, and their estimates, added up.
+    Run(Vec<Job>, u64),
     Wait,
     Stop,
 }
@@ -170,13 +194,15 @@ impl Shared<'_> {
                     let waited = self.changed.wait_timeout(state, Duration::from_millis(100));
                     state = waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0;
                 }
-                Ok(Next::Run(e, manifest, bindings, memory)) => {
+                Ok(Next::Run(jobs, memory)) => {
                     drop(state);
-                    let ended = self.execute(e, &manifest, &bindings);
+                    let ended = self.execute(&jobs);
                     state = self.lock();
-                    state.running.remove(&e);
                     state.memory -= memory;
-                    self.settle(&mut state, e, ended);
+                    for (job, ended) in jobs.iter().zip(ended) {
+                        state.running.remove(&job.e);
+                        self.settle(&mut state, job.e, ended);
+                    }
                     self.changed.notify_all();
                 }
                 Err(error) => {
@@ -199,35 +225,66 @@ impl Shared<'_> {
         state.known.settle(self.graph, self.plan, self.store)?;
         self.want_outputs(state)?;
         let mut open = false;
+        let mut deferred = None;
         for e in 0..self.plan.executions.len() {
             if state.known.status[e] != Status::Run || state.running.contains(&e) {
                 open |= state.running.contains(&e) || state.known.status[e] == Status::Waiting;
                 continue;
             }
             open = true;
-            if !self.inputs_present(state, e)? {
+            if !self.may_start(state, e)? {
+                continue;
+            }
+            // Others may soon be ready to share the pass.
+            if self.together.with(e).any(|other| state.known.status[other] == Status::Waiting) {
+                deferred.get_or_insert(e);
+                continue;
+            }
+            if let Some(next) = self.pass(state, e)? {
+                return Ok(next);
+            }
+        }
+        if let Some(e) = deferred.filter(|_| state.running.is_empty())
+            && let Some(next) = self.pass(state, e)?
+        {
+            return Ok(next);
+        }
+        Ok(if open { Next::Wait } else { Next::Stop })
+    }
+
+    /// Whether all that an execution reads is there, and no equal one is under way: equal executions
+    /// give equal results, and the second takes the first one's.
+    fn may_start(&self, state: &mut State, e: usize) -> Result<bool, EngineError> {
+        if state.known.status[e] != Status::Run || state.running.contains(&e) {
+            return Ok(false);
+        }
+        let twin = |r: &usize| state.known.manifest[*r] == state.known.manifest[e];
+        Ok(!state.running.iter().any(twin) && self.inputs_present(state, e)?)
+    }
+
+    /// A pass for `e` and as many of those that can share it as the memory allows; none while even `e`
+    /// does not fit beside what runs.
+    fn pass(&self, state: &mut State, e: usize) -> Result<Option<Next>, EngineError> {
+        let (mut jobs, mut total) = (Vec::new(), 0_u64);
+        for e in std::iter::once(e).chain(self.together.with(e)) {
+            if !self.may_start(state, e)? {
                 continue;
             }
             let Some(manifest) = state.known.manifest[e].clone() else { continue };
-            // Equal executions give equal results: the second waits for the first one's record.
-            let twin = |r: &usize| state.known.manifest[*r].as_ref() == Some(&manifest);
-            if state.running.iter().any(twin) {
-                continue;
-            }
             let Some(inputs) = state.known.inputs(self.plan, e) else { continue };
             let bindings = Bindings::new(Arc::clone(self.store), inputs);
-            let memory =
-                self.graph.nodes[self.plan.executions[e].node].node.memory(&bindings.sizes());
-            if !state.running.is_empty()
-                && state.memory.saturating_add(memory) > self.options.memory
-            {
+            let node = &self.graph.nodes[self.plan.executions[e].node];
+            let memory = node.node.memory(&bindings.sizes());
+            let sum = state.memory.saturating_add(memory);
+            if !state.running.is_empty() && sum > self.options.memory {
                 continue;
             }
             state.running.insert(e);
-            state.memory += memory;
-            return Ok(Next::Run(e, manifest, bindings, memory));
+            state.memory = sum;
+            total = total.saturating_add(memory);
+            jobs.push(Job { e, manifest, bindings });
         }
-        Ok(if open { Next::Wait } else { Next::Stop })
+        Ok((!jobs.is_empty()).then_some(Next::Run(jobs, total)))
     }
 
     /// The blobs of wanted nodes are published: one that is missing is made again.
@@ -294,6 +351,11 @@ impl Shared<'_> {
                     }
                 }
                 self.progress.end(execution.node, execution.run);
+            }
+            Err(error @ EngineError::Node { .. }) if self.options.keep_going => {
+                let problem = error.to_string();
+                self.progress.fail(execution.node, execution.run, &problem);
+                state.known.fail(e, problem);
             }
             Err(error) => {
                 // The first failure stops the rest; what only stopped because of it says nothing new.

@@ -3,7 +3,7 @@
 use lightloom_nodes::node::Cardinality;
 
 /// What the items of an output stand for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Axis {
     /// One item for the whole graph.
     Single,

@@ -15,17 +15,18 @@
 //! ```
 
 mod axes;
-mod diagnostic;
+pub(crate) mod diagnostic;
 mod draw;
 mod edit;
 mod file;
 mod nodes;
 mod set;
-mod syntax;
+pub(crate) mod syntax;
 #[cfg(test)]
 mod tests;
 mod tokens;
-mod tree;
+pub(crate) mod tree;
+mod union;
 mod wiring;
 
 pub use axes::Axis;
@@ -33,6 +34,7 @@ pub use diagnostic::{Code, Diagnostic, Source, Span};
 pub use draw::{dot, mermaid};
 pub use edit::{set_value, set_variable};
 pub use set::Override;
+pub use union::Union;
 
 use crate::registry::{AnyNode, Registry};
 use file::{Sections, Variables, nearest_node};
@@ -80,6 +82,8 @@ pub struct GraphNode {
     pub version: u32,
     /// Type of the artifact it gives.
     pub output: &'static str,
+    /// Whether that is nothing but numbers for people.
+    pub figures: bool,
     /// The node with its parameters, files resolved against the file's folder.
     pub node: Box<dyn AnyNode>,
     /// The ports that are bound, in the order of the type, with the places of their nodes in [`Graph::nodes`].
@@ -94,6 +98,13 @@ pub struct GraphNode {
     pub given: Vec<Given>,
     /// Where its name stands in the file.
     pub span: Span,
+}
+
+impl GraphNode {
+    /// Whether the sequence that the whole shot follows comes from it.
+    pub fn gives_the_shot(&self) -> bool {
+        self.runs == Axis::Single && self.axis == Axis::Frames
+    }
 }
 
 impl Graph {
@@ -229,6 +240,7 @@ fn read(
             kind: kind.kind,
             version: kind.version,
             output: kind.output,
+            figures: kind.figures,
             node,
             inputs,
             cardinality,

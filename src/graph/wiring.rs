@@ -12,9 +12,6 @@ use petgraph::graph::{DiGraph, NodeIndex};
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
-/// Artifacts that are files when published; all others are for nodes only.
-const PUBLISHED: [&str; 2] = ["Picture", "Comparison"];
-
 /// The nodes of a file and how they hang together.
 pub struct Wiring<'a, 'r> {
     drafts: &'a [Draft<'r>],
@@ -311,13 +308,13 @@ impl<'a, 'r> Wiring<'a, 'r> {
                 continue;
             };
             if let Some(made) = &self.drafts[node].made
-                && !PUBLISHED.contains(&made.kind.output)
+                && !made.kind.published()
             {
                 let gives = made.kind.output;
                 let fits: Vec<String> = self
                     .drafts
                     .iter()
-                    .filter(|d| d.made.as_ref().is_some_and(|m| PUBLISHED.contains(&m.kind.output)))
+                    .filter(|d| d.made.as_ref().is_some_and(|m| m.kind.published()))
                     .map(|d| format!("{:?}", d.name))
                     .collect();
                 let help = if fits.is_empty() {
@@ -326,8 +323,7 @@ impl<'a, 'r> Wiring<'a, 'r> {
                     format!("nodes that can be published: {}", fits.join(", "))
                 };
                 let message = format!(
-                    "{name:?} gives {gives}, which is not published: only {} are",
-                    PUBLISHED.join(" and ")
+                    "{name:?} gives {gives}, which is not published: only pictures and figures are"
                 );
                 let mistake = Diagnostic::new(Code::Output, span(), message)
                     .related(made.place.clone(), format!("gives {gives}"))

@@ -26,6 +26,15 @@ pub struct Record {
     pub bytes: u64,
     /// Wall clock time of the computation, in seconds.
     pub seconds: f64,
+    /// Processor time of it, in seconds, over all threads.
+    pub cpu_seconds: f64,
+    /// Whether those times are its own: false when another execution ran at the same time, whose work
+    /// cannot be told apart, or when one pass served several.
+    pub alone: bool,
+    /// Name of the host that did it.
+    pub host: String,
+    /// Matrix elements it stands for; the same on every machine.
+    pub evaluations: u64,
     /// Most memory the process had held by then, in bytes.
     pub peak_bytes: u64,
     /// When it ended, in seconds since 1970 (UTC).
