@@ -1,13 +1,9 @@
 //! An environment from an image file: OpenEXR or Radiance HDR.
 
 use crate::data::{Array, Environment};
+use crate::kernel::radiance_file::{RadianceFile, announced};
 use crate::node::{Ctx, Error, File, Node, Sizes};
-use exr::meta::MetaData;
-use exr::prelude::{AnyChannel, FlatSamples, ReadChannels, ReadLayers, read};
 use glam::Vec3;
-use image::{DynamicImage, ImageDecoder, codecs::hdr::HdrDecoder};
-use std::io::{BufRead, BufReader, Seek};
-use std::path::Path;
 
 crate::params! {
     /// A latitude-longitude map from an .exr or .hdr file (told apart by content), linear Rec. 709.
@@ -23,17 +19,8 @@ crate::params! {
     }
 }
 
-/// Numbers decoded at most (width x height x channels, all layers): damaged headers ask for terabytes.
-const LARGEST: u64 = 1 << 27;
-
 /// Radiances above this count as infinite, so that their sums and squares stay finite in f64.
 const BRIGHTEST: f32 = 1e30;
-
-/// A decoded file: width and rows of texels.
-struct Map {
-    width: usize,
-    texels: Vec<Vec3>,
-}
 
 impl Node for EnvironmentMap {
     const KIND: &'static str = "EnvironmentMap";
@@ -43,26 +30,12 @@ impl Node for EnvironmentMap {
 
     fn memory(&self, _: &Sizes) -> u64 {
         // The samples as decoded and the texels; a file that cannot be read takes nothing.
-        open(&self.file.0)
-            .and_then(|mut reader| samples(&mut reader, &self.file.0))
-            .map_or(0, |n| 16 * n)
+        announced(&self.file.0).map_or(0, |n| 16 * n)
     }
 
     fn run(&self, (): (), ctx: &Ctx) -> Result<Environment, Error> {
-        let path = &self.file.0;
-        let asked = samples(&mut open(path)?, path)?;
-        if asked > LARGEST {
-            return Err(Error::file(
-                path,
-                format!("expected at most {LARGEST} samples, its header says {asked}"),
-            ));
-        }
         ctx.tick(0, 1)?;
-        let mut map =
-            if is_exr(&mut open(path)?, path)? { read_exr(path)? } else { read_hdr(path)? };
-        if map.width == 0 || map.texels.is_empty() {
-            return Err(Error::file(path, "the image has no pixels"));
-        }
+        let mut map = RadianceFile::read(&self.file.0)?;
         let repaired = sanitise(&mut map.texels);
         if repaired > 0 {
             ctx.note(format!(
@@ -73,90 +46,9 @@ impl Node for EnvironmentMap {
             turn(row, self.rotation);
             row.iter_mut().for_each(|l| *l = (*l * self.scale).min(Vec3::splat(BRIGHTEST)));
         }
-        let height = map.texels.len() / map.width;
-        Ok(Environment { radiance: Array::shaped(map.texels, &[height, map.width]) })
+        let (width, height) = (map.width, map.height());
+        Ok(Environment { radiance: Array::shaped(map.texels, &[height, width]) })
     }
-}
-
-fn open(path: &Path) -> Result<BufReader<std::fs::File>, Error> {
-    std::fs::File::open(path).map(BufReader::new).map_err(|e| Error::file(path, e))
-}
-
-fn is_exr(reader: &mut impl BufRead, path: &Path) -> Result<bool, Error> {
-    let start = reader.fill_buf().map_err(|e| Error::file(path, e))?;
-    match start {
-        [0x76, 0x2f, 0x31, 0x01, ..] => Ok(true),
-        [b'#', b'?', ..] => Ok(false),
-        _ => Err(Error::file(path, "expected an OpenEXR or a Radiance HDR image")),
-    }
-}
-
-/// The number of samples that the file's header announces.
-fn samples(reader: &mut (impl BufRead + Seek), path: &Path) -> Result<u64, Error> {
-    if !is_exr(reader, path)? {
-        let decoder = HdrDecoder::new(reader).map_err(|e| Error::file(path, e))?;
-        let (width, height) = decoder.dimensions();
-        return Ok((u64::from(width) * u64::from(height)).saturating_mul(3));
-    }
-    let meta = MetaData::read_from_buffered(reader, false).map_err(|e| Error::file(path, e))?;
-    let count = meta.headers.iter().map(|header| {
-        let area =
-            (header.layer_size.width() as u64).saturating_mul(header.layer_size.height() as u64);
-        area.saturating_mul(header.channels.list.len() as u64)
-    });
-    Ok(count.fold(0, u64::saturating_add))
-}
-
-fn read_hdr(path: &Path) -> Result<Map, Error> {
-    let decoder = HdrDecoder::new(open(path)?).map_err(|e| Error::file(path, e))?;
-    let image =
-        DynamicImage::from_decoder(decoder).map_err(|e| Error::file(path, e))?.into_rgb32f();
-    let width = image.width() as usize;
-    Ok(Map { width, texels: image.pixels().map(|p| Vec3::from_array(p.0)).collect() })
-}
-
-/// The first layer with red, green and blue, else the first channel of the first layer as grey.
-fn read_exr(path: &Path) -> Result<Map, Error> {
-    let reader = read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .all_layers()
-        .all_attributes();
-    let image = reader.from_file(path).map_err(|e| Error::file(path, e))?;
-    let in_colour =
-        image.layer_data.iter().find_map(|layer| Some((layer, colours(&layer.channel_data.list)?)));
-    let grey = || {
-        let layer = image.layer_data.first()?;
-        let list = &layer.channel_data.list;
-        let channel = list.iter().find(|c| is_called(c, &["y", "l"])).or_else(|| list.first())?;
-        Some((layer, [channel; 3]))
-    };
-    let (layer, channels) =
-        in_colour.or_else(grey).ok_or_else(|| Error::file(path, "the image has no channels"))?;
-    let area = layer.size.area();
-    if channels.iter().any(|c| c.sample_data.len() != area) {
-        return Err(Error::file(
-            path,
-            "expected channels of full resolution, found subsampled ones",
-        ));
-    }
-    let [r, g, b] = channels.map(|c| c.sample_data.values_as_f32());
-    let texels = r.zip(g).zip(b).map(|((r, g), b)| Vec3::new(r, g, b)).collect();
-    Ok(Map { width: layer.size.width(), texels })
-}
-
-type Channel = AnyChannel<FlatSamples>;
-
-fn colours(list: &[Channel]) -> Option<[&Channel; 3]> {
-    let find = |names: &[&str]| list.iter().find(|c| is_called(c, names));
-    Some([find(&["r", "red"])?, find(&["g", "green"])?, find(&["b", "blue"])?])
-}
-
-/// Whether a channel has one of the names, whatever layer stands before it: `Sky.R` is called `r`.
-fn is_called(channel: &Channel, names: &[&str]) -> bool {
-    let full = channel.name.to_string().to_lowercase();
-    names.contains(&full.rsplit('.').next().unwrap_or(&full))
 }
 
 /// Makes every component finite and not negative; returns how many it changed.

@@ -49,6 +49,7 @@ nodes! {
     gather_samples GatherSamples;
     geometry Geometry;
     ground Ground;
+    image_file ImageFile;
     materials Materials;
     merge_lights MergeLights;
     orbit_camera OrbitCamera;

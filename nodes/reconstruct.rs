@@ -187,6 +187,9 @@ impl<'a> Pass<'a> {
             return Err(Error::invalid(format!("representative light {last} of {}", tensor.lights())));
         }
         let receivers = Receivers::of(&framebuffer);
+        for member in &self.members {
+            member.ctx.pass_evaluated(self.columns.len() as u64 * receivers.samples.len() as u64);
+        }
         // The sums of a block for all members together fit the cache as those of one do.
         let block = (BLOCK / self.members.len()).next_multiple_of(Ends::CAPACITY);
         let sums = self.sum_columns(&tensor, &receivers, block)?;

@@ -17,7 +17,8 @@ crate::choice! {
         /// One drawn with probability proportional to its norm: the choice of 2007. With
         /// `scale: scalar` the estimate is unbiased over lights that reach a row.
         Random = "random",
-        /// The one whose direction is closest to that of the cluster's sum.
+        /// The one whose direction is closest to that of the cluster's sum, of those that have at least
+        /// a quarter of the largest norm.
         Medoid = "medoid",
     }
 }
@@ -58,7 +59,7 @@ crate::inputs! {
 
 impl Node for Representatives {
     const KIND: &'static str = "Representatives";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = RepresentativesIn;
     type Out = data::Representatives;
 
@@ -159,6 +160,10 @@ fn best(cluster: &Cluster, score: impl Fn(u32, u32) -> f64) -> (u32, u32) {
     (best.0, best.1)
 }
 
+/// Norm that a medoid has at least, of the largest in its cluster. One that is nearly dark on the rows
+/// may be bright elsewhere, and scaling it up to stand for others would show it there as a spot.
+const LIGHTEST: f64 = 0.25;
+
 fn medoid(cluster: &Cluster, rows: &[Item<Rows>]) -> (u32, u32) {
     let column = |j: u32, k: u32| {
         let rows = &rows[k as usize];
@@ -169,10 +174,12 @@ fn medoid(cluster: &Cluster, rows: &[Item<Rows>]) -> (u32, u32) {
     for (j, k) in members(cluster) {
         sum.iter_mut().zip(column(j, k)).for_each(|(s, &x)| *s += f64::from(x));
     }
+    let (j, k) = heaviest(cluster, rows);
+    let least = LIGHTEST * norm(rows, j, k).length();
     best(cluster, |j, k| {
         let dot: f64 = column(j, k).iter().zip(&sum).map(|(&x, s)| f64::from(x) * s).sum();
         let length = norm(rows, j, k).length();
-        if length > 0.0 { dot / length } else { f64::NEG_INFINITY }
+        if length > 0.0 && length >= least { dot / length } else { f64::NEG_INFINITY }
     })
 }
 

@@ -1,6 +1,7 @@
 //! All integration tests, one binary.
 
 mod analytic;
+mod browser;
 mod cli;
 mod engine;
 mod extremes;

@@ -287,3 +287,125 @@ fn a_report_is_one_page_for_sweeps_and_runs() {
     );
     assert!(document["points"][0]["graph"].as_str().unwrap().contains("\"columns\": 20,"));
 }
+
+#[test]
+fn runs_points_and_files_are_compared() {
+    let project = sweep(1, GRID);
+    assert_eq!(code(&ask(&project, &["sweep", "sweep.ron", "--json"])), 0);
+    let told = json(&ask(&project, &["compare", "sweep.ron:0", "sweep.ron:2", "--json"]));
+    assert_eq!(told["changes"], serde_json::json!(["tensor_representatives.count 10 -> 40"]));
+    assert!(
+        told["figures"]["relative_l2"].as_f64().unwrap() > 0.0
+            && told["figures"]["jod"].is_number()
+    );
+    assert!(told["cost"][1]["evaluations"].as_u64() > told["cost"][0]["evaluations"].as_u64());
+    assert!(
+        fs::read_to_string(project.path("out/compare/report.html"))
+            .unwrap()
+            .contains("sweep.ron:2")
+    );
+
+    let same = json(&ask(&project, &["compare", "sweep.ron:1", "sweep.ron:1", "--json"]));
+    let figures = &same["figures"];
+    let expected = [
+        ("relative_l2", 0.0),
+        ("energy", 1.0),
+        ("ssim", 1.0),
+        ("flip", 0.0),
+        ("jod", 10.0),
+        ("psnr", 200.0),
+    ];
+    for (name, value) in expected {
+        assert!((figures[name].as_f64().unwrap() - value).abs() < 1e-9, "{name} in {figures}");
+    }
+    let truth = json(&ask(
+        &project,
+        &["compare", "sweep.ron:1", "sweep.ron:1", "--node", "truth", "--json"],
+    ));
+    assert_eq!(truth["figures"]["relative_l2"], 0.0);
+
+    // The same images from files: what was published and read again is the same to the bit.
+    project.write(
+        "graph.ron",
+        &fs::read_to_string(project.path("graph.ron"))
+            .unwrap()
+            .replace("outputs: {", "outputs: { \"frame\": \"exr\", ")
+            .replace(
+                "\"tensor_still\":",
+                "\"exr\": Exr(image: \"tensor\"),\n        \"tensor_still\":",
+            ),
+    );
+    let run = [
+        "run",
+        "graph.ron",
+        "--set",
+        "last=1",
+        "--set",
+        "size=(48, 27)",
+        "--set",
+        "lights=300",
+        "--set",
+        "scene.detail=0.3",
+        "--set",
+        "sky_lights.count=128",
+        "--set",
+        "lanterns.count=48",
+        "--set",
+        "samples.count=240",
+        "--set",
+        "photons.count=500",
+        "--set",
+        "still=0",
+        "--out",
+        "frames",
+    ];
+    let ran = ask(&project, &run);
+    assert_eq!(code(&ran), 0, "{}", errors(&ran));
+    let folder = json(&ask(&project, &["compare", "frames", "frames", "--json"]));
+    assert_eq!((&folder["figures"]["flicker"], folder["ok"].as_bool()), (&0.0.into(), Some(true)));
+    let files = json(&ask(
+        &project,
+        &["compare", "frames/frame.0000.exr", "frames/frame.0001.exr", "--json"],
+    ));
+    assert!(files["figures"]["relative_l2"].as_f64().unwrap() > 0.0);
+
+    for (wrong, exit, part) in [
+        (["sweep.ron:9", "sweep.ron:1"], 3, "it has 6, counted from 0"),
+        (["sweep.ron", "sweep.ron:1"], 2, "name one of its points"),
+        (["frames", "frames/frame.0000.exr"], 1, "there are 2 images but 1 references"),
+        (["nothing.exr", "frames"], 2, "nothing.exr"),
+        (["graph.ron", "frames"], 3, "is not in the cache: lightloom run graph.ron"),
+    ] {
+        let told = ask(&project, &["compare", wrong[0], wrong[1]]);
+        assert!(
+            code(&told) == exit && errors(&told).contains(part),
+            "{wrong:?}: {}",
+            errors(&told)
+        );
+    }
+}
+
+#[test]
+fn a_sweep_keeps_within_its_disk() {
+    let free = sweep(5, GRID);
+    assert_eq!(code(&ask(&free, &["sweep", "sweep.ron", "--json"])), 0);
+    let size = |project: &Workspace| {
+        let blobs = Store::open(&project.path(".lightloom"), None).unwrap().usage().unwrap();
+        blobs.bytes
+    };
+    let whole = size(&free);
+    let bound = sweep(5, &format!("{GRID} limits: (disk: {})", whole as f64 * 0.5e-9));
+    let mut command = lightloom(&bound);
+    let mut child =
+        command.args(["sweep", "sweep.ron", "--json"]).stdout(Stdio::null()).spawn().unwrap();
+    let mut most = 0;
+    while child.try_wait().unwrap().is_none() {
+        if bound.path(".lightloom/v1").exists() {
+            most = most.max(size(&bound));
+        }
+        sleep(Duration::from_millis(5));
+    }
+    assert!(child.wait().unwrap().success());
+    assert!(most < whole * 9 / 10, "{most} bytes of {whole}");
+    assert_eq!(figures(&bound.path("out/sweep")), figures(&free.path("out/sweep")));
+}

@@ -17,6 +17,7 @@ pub struct Ctx {
     checkpoint: Option<PathBuf>,
     notes: Mutex<Vec<String>>,
     evaluations: AtomicU64,
+    pass_evaluations: AtomicU64,
 }
 
 impl Default for Ctx {
@@ -43,6 +44,7 @@ impl Ctx {
             checkpoint,
             notes: Mutex::default(),
             evaluations: AtomicU64::new(0),
+            pass_evaluations: AtomicU64::new(0),
         }
     }
 
@@ -81,6 +83,17 @@ impl Ctx {
     /// The number so far.
     pub fn evaluations(&self) -> u64 {
         self.evaluations.load(Ordering::Relaxed)
+    }
+
+    /// Adds to the number of matrix elements that the pass evaluated in which this run was one of
+    /// several: what they share counts once, so that its own part of the time can be told.
+    pub fn pass_evaluated(&self, elements: u64) {
+        self.pass_evaluations.fetch_add(elements, Ordering::Relaxed);
+    }
+
+    /// That number so far; at least the run's own.
+    pub fn pass_evaluations(&self) -> u64 {
+        self.pass_evaluations.load(Ordering::Relaxed).max(self.evaluations())
     }
 
     /// The file in which an interrupted run left its state and may leave it again.

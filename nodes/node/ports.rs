@@ -54,6 +54,12 @@ pub struct All<T> {
     load: Arc<dyn Fn(usize) -> Result<Arc<T>, Error> + Send + Sync>,
 }
 
+impl<T> Clone for All<T> {
+    fn clone(&self) -> Self {
+        All { digests: self.digests.clone(), load: Arc::clone(&self.load) }
+    }
+}
+
 impl<T> All<T> {
     /// A sequence of known digests whose items `load` reads.
     pub fn new(

@@ -328,7 +328,10 @@ mod tests {
             "{text}"
         );
         let text = explain(&bench, &["level=0.5"], "compare").text();
-        assert!(text.contains(" (2 of 2 items)  (grey)\n  unchanged: reference\n"), "{text}");
+        assert!(
+            text.contains(" (2 of 2 items)  (grey)\n  unchanged: epsilon, reference\n"),
+            "{text}"
+        );
     }
 
     #[test]

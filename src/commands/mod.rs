@@ -5,6 +5,7 @@
 
 mod check;
 mod clean;
+mod compare;
 mod explain;
 mod fates;
 mod figures;
@@ -72,6 +73,8 @@ enum Command {
     Sweep(sweep::Sweep),
     /// Writes a sweep or a run as one page for a browser, with its table as CSV and JSON.
     Report(report::Report),
+    /// Compares two runs, points of a sweep, or image files.
+    Compare(compare::Compare),
     /// Reads a graph file and reports every mistake.
     Check(check::Check),
     /// Says what a run would do, without running anything.
@@ -98,6 +101,7 @@ pub fn main(registry: Registry) -> ExitCode {
         Command::Run(c) => c.run(common, &registry),
         Command::Sweep(c) => c.run(common, &registry),
         Command::Report(c) => c.run(common, &registry),
+        Command::Compare(c) => c.run(common, &registry),
         Command::Check(c) => c.run(common, &registry),
         Command::Plan(c) => c.run(common, &registry),
         Command::Explain(c) => c.run(common, &registry),

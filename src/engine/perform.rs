@@ -28,6 +28,7 @@ struct Given {
     held: Vec<Held>,
     notes: Vec<String>,
     evaluations: u64,
+    pass_evaluations: u64,
 }
 
 impl Shared<'_> {
@@ -88,14 +89,13 @@ impl Shared<'_> {
             }
             Err(error) => return vec![Err(error)],
         };
-        // One pass does the work of its largest member, of which the others' is taken to be a part.
-        let most = given.iter().map(|g| g.evaluations).max().unwrap_or(0);
         let seconds = started.elapsed().as_secs_f64();
         let record = |(job, given): (&&Job, Given)| {
-            let part = match (pass.len(), most) {
+            // The time of a run by itself is taken to be as its work is to that of the pass.
+            let part = match (pass.len(), given.pass_evaluations) {
                 (1, _) => 1.0,
                 (several, 0) => 1.0 / several as f64,
-                _ => given.evaluations as f64 / most as f64,
+                (_, all) => given.evaluations as f64 / all as f64,
             };
             let time = Time {
                 seconds: seconds * part,
@@ -111,7 +111,7 @@ impl Shared<'_> {
     fn keep(&self, job: &Job, given: Given, time: Time) -> Result<Ended, EngineError> {
         let execution = &self.plan.executions[job.e];
         let node = &self.graph.nodes[execution.node];
-        let Given { held, notes, evaluations } = given;
+        let Given { held, notes, evaluations, .. } = given;
         if held.len() != execution.items.len() {
             let (found, expected) = (held.len(), execution.items.len());
             let what = format!("gave {found} items where {expected} were expected");
@@ -186,6 +186,7 @@ impl Shared<'_> {
                         held,
                         notes: ctx.notes(),
                         evaluations: ctx.evaluations(),
+                        pass_evaluations: ctx.pass_evaluations(),
                     });
                     Ok(given.collect())
                 }

@@ -11,7 +11,7 @@ use super::summary::{NodeSummary, Summary, peak_bytes};
 use super::together::Together;
 use crate::graph::Graph;
 use crate::store::Store;
-use lightloom_nodes::node::Derived;
+use lightloom_nodes::node::{Derived, Digest};
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
@@ -76,6 +76,7 @@ pub fn run(
         stopped: false,
         nodes: summaries(graph, plan),
         checked: vec![false; plan.executions.len()],
+        written: 0,
     };
     let derived = Arc::new(Derived::new((options.memory / 4) as usize));
     let together = if options.apart { Together::none(plan) } else { Together::new(graph, plan) };
@@ -141,6 +142,8 @@ struct State {
     nodes: Vec<NodeSummary>,
     /// Executions whose input blobs were all seen in the cache.
     checked: Vec<bool>,
+    /// Bytes of blobs made since there was last made room.
+    written: u64,
 }
 
 /// What all workers of a run share.
@@ -204,6 +207,14 @@ impl Shared<'_> {
                         self.settle(&mut state, job.e, ended);
                     }
                     self.changed.notify_all();
+                    if let Some(pinned) = self.room_is_due(&mut state) {
+                        drop(state);
+                        let evicted = self.store.evict(&pinned);
+                        state = self.lock();
+                        if let Err(error) = evicted {
+                            state.failure.get_or_insert(error.into());
+                        }
+                    }
                 }
                 Err(error) => {
                     state.failure.get_or_insert(error);
@@ -337,6 +348,22 @@ impl Shared<'_> {
         Ok(())
     }
 
+    /// What must stay in the cache while room is made for more, once a tenth of the quota was written:
+    /// what is wanted, and all that executions to come will read.
+    fn room_is_due(&self, state: &mut State) -> Option<BTreeSet<Digest>> {
+        if state.written < self.store.quota() / 10 {
+            return None;
+        }
+        state.written = 0;
+        let wanted = self.wanted.iter().flat_map(|&n| state.known.held[n].iter());
+        let open = |e: &usize| matches!(state.known.status[*e], Status::Run | Status::Waiting);
+        let read = (0..self.plan.executions.len()).filter(open).flat_map(|e| {
+            let places = self.plan.executions[e].inputs.iter().flat_map(|(_, places)| places);
+            places.map(|&(n, item)| &state.known.held[n][item])
+        });
+        Some(wanted.chain(read).flatten().map(|held| held.digest).collect())
+    }
+
     fn settle(&self, state: &mut State, e: usize, ended: Result<Ended, EngineError>) {
         let execution = &self.plan.executions[e];
         match ended {
@@ -344,6 +371,7 @@ impl Shared<'_> {
                 state.known.know(self.plan, e, Status::Done, &held);
                 let node = &mut state.nodes[execution.node];
                 node.ran += usize::from(ran);
+                state.written += if ran { held.iter().map(|h| h.bytes).sum() } else { 0 };
                 node.seconds += seconds;
                 for note in notes {
                     if !node.notes.contains(&note) {

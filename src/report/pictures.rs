@@ -265,13 +265,13 @@ mod tests {
         let all: Vec<Encoded> = (0..20).map(|k| noise(160, 90, k)).chain([flat]).collect();
         let wanted: Vec<usize> = (0..all.len()).collect();
         let whole: usize = all.iter().map(|p| p.bytes.len()).sum();
-        for budget in [whole, whole / 2, whole / 20] {
+        for budget in [whole, whole / 2, whole / 8] {
             let fitted = fit(&all, &wanted, budget);
             assert!(total(&fitted.pictures) <= budget, "{budget}");
             assert!(fitted.pictures[..20].iter().all(|p| !p.exact && p.uri.is_some()));
             assert!(fitted.pictures[20].exact);
             assert!(fitted.notes[0].starts_with("20 pictures are shown as a JPEG copy"));
-            assert_eq!((fitted.pictures[0].width, fitted.pictures[0].height), (320, 180));
+            assert_eq!((fitted.pictures[0].width, fitted.pictures[0].height), (160, 90));
             let (w, h) = image::load_from_memory(&bytes_of(&fitted.pictures[3]))
                 .unwrap()
                 .into_rgb8()

@@ -113,6 +113,11 @@ impl Store {
         Ok(store)
     }
 
+    /// Most bytes of blobs that it shall hold.
+    pub fn quota(&self) -> u64 {
+        self.quota
+    }
+
     /// What was found damaged since this store was opened, in the order of finding.
     pub fn damage(&self) -> Vec<Damage> {
         locked(&self.damage).clone()

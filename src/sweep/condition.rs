@@ -62,7 +62,11 @@ fn identifier(name: &str) -> String {
 
 /// RON as the language knows it; a word that is no value is its text.
 fn value(ron: &str) -> Value {
-    ron::from_str(ron).map_or_else(|_| ron.to_owned().into(), convert)
+    let word = ron.starts_with(|c: char| c.is_alphabetic()) && !["true", "false"].contains(&ron);
+    match ron::from_str(ron) {
+        Ok(value) if !word => convert(value),
+        _ => ron.to_owned().into(),
+    }
 }
 
 fn convert(value: ron::Value) -> Value {

@@ -360,12 +360,12 @@ mod tests {
             "s.ron:1:1 `graph`, the graph file to sweep, is missing",
             "s.ron:1:1 `cost`, the nodes whose making is the cost of a point, is missing",
             "s.ron:1:7 `Sweep` has no field `grap`",
-            "s.ron:1:30 there is no kind of axes `Gird`",
-            "s.ron:1:60 `b` has 1 values where another has 2",
-            "s.ron:1:79 `a` is given twice",
-            "s.ron:2:30 there is no cost `seconds`",
-            "s.ron:2:57 expected a number from 1 to 1024, found `0`",
-            "s.ron:2:72 expected `true` or `false`, found `3`",
+            "s.ron:1:29 there is no kind of axes `Gird`",
+            "s.ron:1:58 `b` has 1 values where another has 2",
+            "s.ron:1:78 `a` is given twice",
+            "s.ron:2:27 there is no cost `seconds`",
+            "s.ron:2:54 expected a number from 1 to 1024, found `0`",
+            "s.ron:2:69 expected `true` or `false`, found `3`",
         ];
         for expected in expected {
             assert!(found.iter().any(|f| f == expected), "{expected} in {found:#?}");

@@ -21,6 +21,21 @@ pub struct Gather<'a> {
     pub host: &'a str,
 }
 
+/// Processor seconds and evaluations that the making of `nodes` took; none where a record is missing.
+pub fn cost_of(
+    group: &Group,
+    known: &Resolution,
+    store: &Store,
+    nodes: &[usize],
+) -> Option<(f64, u64)> {
+    let gather = Gather { store, group, known, host: "" };
+    let needed = group.needed(nodes);
+    let records: Vec<Record> =
+        needed.into_iter().map(|e| gather.record(e)).collect::<Option<_>>()?;
+    let seconds = records.iter().map(|r| r.cpu_seconds).sum();
+    Some((seconds, records.iter().map(|r| r.evaluations).sum()))
+}
+
 /// Pictures of all points, each once.
 #[derive(Default)]
 pub struct Album {

@@ -28,7 +28,8 @@ mod single;
 mod work;
 
 pub use file::{Choice, Limits, Sweep, Text, is_sweep};
+pub use gather::cost_of;
 pub use points::{Base, Point, edited, points};
 pub use results::{Outline, document, node_of};
-pub use single::single;
+pub use single::{single, whole};
 pub use work::{Group, Member, Work};

@@ -7,7 +7,6 @@ use crate::engine::{EngineError, Plan, Resolution};
 use crate::graph::Graph;
 use crate::report::{Document, Plot, Point};
 use crate::store::Store;
-use lightloom_nodes::data::{Data, Picture};
 use lightloom_nodes::node::Error;
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -15,18 +14,11 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Endings of pictures that browsers show.
 const SHOWN: [&str; 3] = ["png", "apng", "jpg"];
 
-/// What the cache knows of the outputs of a graph: numbers become figures, pictures are shown, and all
-/// that they need is the cost. `text` is the graph as it was run.
+/// A graph as a group of one point that asks for its outputs, and what the cache knows of it.
 ///
 /// # Errors
 /// When the node that makes the sequence of frames fails, or a file that a node reads cannot be read.
-pub fn single(
-    graph: Graph,
-    store: &Arc<Store>,
-    text: String,
-    title: &str,
-    source: &str,
-) -> Result<Document, EngineError> {
+pub fn whole(graph: Graph, store: &Arc<Store>) -> Result<(Group, Resolution), EngineError> {
     let wanted: Vec<usize> = graph.outputs.iter().map(|(_, node)| *node).collect();
     let plan = Plan::new(&graph, &wanted, store).map_err(|cause| EngineError::Node {
         name: "frames".into(),
@@ -36,12 +28,35 @@ pub fn single(
     })?;
     let mut known = Resolution::new(&graph, &plan);
     known.settle(&graph, &plan, store)?;
-    let is_picture = |node: &usize| graph.nodes[*node].output == Picture::TYPE;
-    let (pictures, measure): (Vec<_>, Vec<_>) =
-        graph.outputs.iter().cloned().partition(|(_, node)| is_picture(node));
-    let nodes = graph.nodes.iter().enumerate().map(|(n, node)| (node.name.clone(), n)).collect();
-    let member = Member { point: 0, nodes, measure, pictures, cost: wanted.clone() };
-    let group = Group { graph, plan, wanted, identities: Vec::new(), members: vec![member] };
+    let of = |figures: bool| {
+        graph.outputs.iter().filter(|(_, n)| graph.nodes[*n].figures == figures).cloned().collect()
+    };
+    let needed = graph.needed(&wanted);
+    let nodes = graph.nodes.iter().enumerate().filter(|(n, _)| needed[*n]);
+    let member = Member {
+        point: 0,
+        nodes: nodes.map(|(n, node)| (node.name.clone(), n)).collect(),
+        measure: of(true),
+        pictures: of(false),
+        cost: wanted.clone(),
+    };
+    let members = vec![member];
+    Ok((Group { graph, plan, wanted, identities: Vec::new(), members }, known))
+}
+
+/// What the cache knows of the outputs of a graph: numbers become figures, pictures are shown, and all
+/// that they need is the cost. `text` is the graph as it was run.
+///
+/// # Errors
+/// Those of [`whole`].
+pub fn single(
+    graph: Graph,
+    store: &Arc<Store>,
+    text: String,
+    title: &str,
+    source: &str,
+) -> Result<Document, EngineError> {
+    let (group, known) = whole(graph, store)?;
     let host = gethostname::gethostname().to_string_lossy().into_owned();
     let gather = Gather { store, group: &group, known: &known, host: &host };
     let mut album = Album::default();

@@ -82,8 +82,8 @@ shot|        "maps": PixelMaps(framebuffer: "framebuffer", geometry: "geometry")
 shot|        "clusters": Clusters(rows: "rows", maps: "maps", seed: "$seed"),
 !shot|        // Clusters of lights: this is a single frame.
 !shot|        "clusters": ColumnClusters(rows: "rows", count: "$columns", seed: "$seed"),
-|        // The brightest light stands for its cluster, scaled in each colour.
-|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: max, scale: rgb),
+|        // The light most like the sum of its cluster stands for it, scaled in each colour.
+|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: medoid),
 |        "image": Reconstruct(representatives: "representatives", framebuffer: "framebuffer", lights: "lights", <at><maps>),
 |        "smooth": AntiAlias(image: "image", framebuffer: "framebuffer", <at>, camera: "camera"<background>),
 |

@@ -63,7 +63,18 @@ fn row(setting: &Setting, shown: &[&String]) -> Vec<String> {
 fn figure(spread: &Spread) -> String {
     match spread.count {
         0 | 1 => short(spread.mean),
-        _ => format!("{} +- {}", short(spread.mean), short(spread.deviation)),
+        _ => format!("{} +- {}", short(spread.mean), rough(spread.deviation)),
+    }
+}
+
+/// Two significant digits.
+fn rough(value: f64) -> String {
+    match value.abs() {
+        0.0 => "0".into(),
+        v if (0.0001..100.0).contains(&v) => {
+            format!("{value:.*}", (1 - v.log10().floor() as i32).clamp(0, 6) as usize)
+        }
+        _ => format!("{value:.1e}"),
     }
 }
 
@@ -99,12 +110,14 @@ fn aligned(rows: &[Vec<String>]) -> String {
     out
 }
 
-/// The cheapest setting that meets each target, by evaluations.
+/// The cheapest setting that meets each target, by what the sweep is plotted against.
 fn cheapest(document: &Document) -> String {
     let mut out = String::new();
     for cheapest in &document.cheapest {
         let target = format!("{} % of {}", cheapest.target * 100.0, document.plot.y);
-        let Some(setting) = cheapest.evaluations.and_then(|k| document.settings.get(k)) else {
+        let by_time = document.plot.x == "cpu_seconds";
+        let best = if by_time { cheapest.cpu_seconds } else { cheapest.evaluations };
+        let Some(setting) = best.and_then(|k| document.settings.get(k)) else {
             let _ = writeln!(out, "cheapest within {target}: not reached");
             continue;
         };
