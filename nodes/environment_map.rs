@@ -85,7 +85,7 @@ mod tests {
     use super::*;
     use crate::kernel::latlong;
     use exr::prelude::{SpecificChannels, WritableImage};
-    use std::path::PathBuf;
+    use std::path::{Path, PathBuf};
 
     fn load(file: PathBuf, rotation: f32) -> Result<(Environment, Vec<String>), Error> {
         let ctx = Ctx::default();

@@ -29,6 +29,7 @@ macro_rules! nodes {
 }
 
 nodes! {
+    ambient_occlusion AmbientOcclusion;
     anti_alias AntiAlias;
     apng Apng;
     camera Camera;
@@ -50,10 +51,14 @@ nodes! {
     geometry Geometry;
     ground Ground;
     image_file ImageFile;
+    lut Lut;
     materials Materials;
     merge_lights MergeLights;
     orbit_camera OrbitCamera;
     pavilion Pavilion;
+    pbgi_gather PbgiGather;
+    pbgi_memory PbgiMemory;
+    pbgi_tree PbgiTree;
     perceptual_differences PerceptualDifferences;
     photon_lights PhotonLights;
     photons Photons;
@@ -61,13 +66,17 @@ nodes! {
     png Png;
     poses Poses;
     punctual_lights PunctualLights;
+    quantization_error QuantizationError;
     reconstruct Reconstruct;
     reference Reference;
     representatives Representatives;
     rows Rows;
     scene Scene;
+    shade_surfels ShadeSurfels;
     sky Sky;
     ssim Ssim;
     still Still;
+    sum Sum;
     sun_lights SunLights;
+    surfels Surfels;
 }

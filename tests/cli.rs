@@ -373,7 +373,8 @@ fn a_run_that_is_killed_five_times_ends_with_the_same_results() {
 #[test]
 fn an_interrupted_run_is_exit_code_4_and_goes_on() {
     let project = Workspace::of("reference.ron");
-    let sets = ["lights=2000", "sky_lights.count=256", "samples.count=800", "scene.detail=0.3"];
+    let sets =
+        ["still=0", "lights=2000", "sky_lights.count=256", "samples.count=800", "scene.detail=0.3"];
     let sets = sets.iter().flat_map(|set| ["--set", set]);
     let mut command = lightloom(&project);
     command

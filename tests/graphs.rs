@@ -9,7 +9,14 @@ use std::fs;
 fn smaller(workspace: &Workspace) -> Vec<String> {
     let graph = workspace.graph(&[]);
     let has = |name: &str| graph.vars.iter().any(|v| v.name == name);
-    let vars = [("size", "(64, 36)"), ("lights", "256"), ("last", "1"), ("still", "1")];
+    let vars = [
+        ("size", "(64, 36)"),
+        ("lights", "256"),
+        ("last", "1"),
+        ("still", "1"),
+        ("surfels", "20000"),
+        ("entries", "300"),
+    ];
     let mut set: Vec<String> = vars
         .iter()
         .filter(|(name, _)| has(name))

@@ -6,6 +6,7 @@ mod cli;
 mod engine;
 mod extremes;
 mod graphs;
+mod pbgi;
 mod scenes;
 mod sweep;
 mod tensor;

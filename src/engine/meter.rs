@@ -61,7 +61,7 @@ mod tests {
         let meter = Meter(Mutex::new(Shares { counted: 10.0, passes: BTreeMap::new() }));
         at(&meter, 12.0).passes.insert(1, (0.0, true));
         at(&meter, 15.0).passes.insert(2, (0.0, false));
-        at(&meter, 17.0);
+        drop(at(&meter, 17.0));
         let passes = at(&meter, 17.0).passes.clone();
         assert_eq!(passes, BTreeMap::from([(1, (4.0, true)), (2, (1.0, false))]));
     }

@@ -63,4 +63,10 @@ pub trait Hierarchy: Sync {
     fn area(&self, node: Self::Node, direction: Vec3) -> f32 {
         self.sent(node, direction).area
     }
+    /// Whether the backs of surfels, which are black, hide what is behind them. They must not where
+    /// surfels cover closed solids or both sides of sheets: there a front is before every back, and in a
+    /// cell that sees a thin solid aslant, its backs would take the place of fronts farther on.
+    fn backs_block(&self) -> bool {
+        true
+    }
 }

@@ -1,0 +1,294 @@
+//! The nearest entry of a table, exactly, by neighbour lists and a warm start.
+
+use super::lanes::{
+    Eight, GROUP, Lanes, WIDTH, blocked, pad, padded, squared, squared_of_eight, wide,
+};
+use super::neighbours::{Centres, LEAST, MARGIN, Neighbours};
+use crate::node::Error;
+
+/// Most entries of a vector.
+pub const DIMS: usize = 128;
+/// Tables up to this size are compared with entry by entry.
+const SMALL: usize = 32;
+/// A search moves to the list of a better entry when that is nearer by this factor.
+const MOVE: f32 = 0.7;
+
+/// A table that answers which entry is nearest.
+///
+/// Nearest is the least squared distance in f32 as `lanes::squared` sums it, and the lowest index among equal ones: the answer is
+/// that of comparing with every entry, whatever the hint.
+pub struct Quantizer {
+    /// Power of two that brings the largest entry to [1, 2), so that squares neither overflow nor underflow.
+    scale: f32,
+    centres: Centres,
+    neighbours: Neighbours,
+}
+
+impl Quantizer {
+    /// Takes a table of vectors of `dims` numbers (1 to 128).
+    ///
+    /// # Errors
+    /// When the table is empty or has numbers that are not finite, or not whole vectors.
+    pub fn new(entries: &[f32], dims: usize) -> Result<Self, Error> {
+        if !(1..=DIMS).contains(&dims) {
+            return Err(Error::invalid(format!("vectors have 1 to {DIMS} numbers, not {dims}")));
+        }
+        if entries.is_empty() || !entries.len().is_multiple_of(dims) {
+            return Err(Error::invalid("a table has at least one entry, and whole entries"));
+        }
+        if entries.iter().any(|x| !x.is_finite()) {
+            return Err(Error::invalid("a table entry is not finite"));
+        }
+        let scale = scale(entries);
+        let centres = centres(entries, dims, scale);
+        let neighbours = Neighbours::new(&centres);
+        Ok(Quantizer { scale, centres, neighbours })
+    }
+
+    /// Takes the same number of entries that lie near the ones before, faster than [`Quantizer::new`]. `reach` is, by entry, how
+    /// far vectors that are asked for with this hint may lie from it: a search that goes farther is right, but slower.
+    pub(super) fn follow(&mut self, entries: &[f32], reach: &[f32]) {
+        let dims = self.centres.dims;
+        let moved = centres(entries, dims, self.scale);
+        let lanes = dims.div_ceil(WIDTH);
+        let step = |c: u32| steps_of(self.centres.get(c, lanes), moved.get(c, lanes)).sqrt();
+        let steps: Vec<f32> = (0..moved.count as u32).map(step).collect();
+        // From a hint at most `reach` away, candidates are at most twice as far.
+        let needed: Vec<f32> = reach
+            .iter()
+            .zip(&steps)
+            .map(|(reach, step)| 2.0 * (reach * self.scale + step))
+            .collect();
+        self.neighbours.follow(&moved, &steps, &needed);
+        self.centres = moved;
+    }
+
+    /// The entry nearest to `vector`. A `hint` near the answer (that of the vector before, or of the parent) makes it fast; any
+    /// number is allowed. A vector farther than any number in f32 from all entries, or not finite, has entry 0.
+    pub fn nearest(&self, vector: &[f32], hint: u32) -> u32 {
+        let mut x = [Eight::default(); DIMS / WIDTH];
+        let lanes = self.centres.dims.div_ceil(WIDTH);
+        let x = &mut x[..lanes];
+        pad(vector, self.scale, x);
+        if self.centres.count <= SMALL {
+            return compare_with_all(self, x);
+        }
+        let hint = if (hint as usize) < self.centres.count { hint } else { 0 };
+        match lanes {
+            4 => search_4(self, x, hint),
+            5 => search_5(self, x, hint),
+            _ => search_any(self, x, hint),
+        }
+    }
+
+    /// The entry nearest to `vector`, by comparing with every entry.
+    pub fn nearest_of_all(&self, vector: &[f32]) -> u32 {
+        let mut x = [Eight::default(); DIMS / WIDTH];
+        pad(vector, self.scale, &mut x[..self.centres.dims.div_ceil(WIDTH)]);
+        compare_with_all(self, &x)
+    }
+}
+
+fn centres(entries: &[f32], dims: usize, scale: f32) -> Centres {
+    let padded = padded(entries, dims, scale);
+    let blocked = blocked(&padded, dims.div_ceil(WIDTH), dims);
+    Centres { dims, count: entries.len() / dims, padded, blocked }
+}
+
+/// The power of two that brings the largest of `numbers` to [1, 2); 1 if all are zero.
+pub fn scale(numbers: &[f32]) -> f32 {
+    let largest = numbers.iter().fold(0.0f32, |a, x| a.max(x.abs()));
+    let exponent = (largest.to_bits() >> 23) as i32 - 127;
+    if largest > 0.0 {
+        f32::from_bits(((127 - exponent.clamp(-126, 126)) as u32) << 23)
+    } else {
+        1.0
+    }
+}
+
+wide! { fn steps_of(from: &[Eight], to: &[Eight]) -> f32 = one_square }
+wide! { fn search_4(table: &Quantizer, x: &[Eight], hint: u32) -> u32 = search<4> }
+wide! { fn search_5(table: &Quantizer, x: &[Eight], hint: u32) -> u32 = search<5> }
+wide! { fn search_any(table: &Quantizer, x: &[Eight], hint: u32) -> u32 = search<0> }
+wide! { fn compare_with_all(table: &Quantizer, x: &[Eight]) -> u32 = all }
+
+#[inline(always)]
+fn one_square<L: Lanes>(a: &[Eight], b: &[Eight]) -> f32 {
+    squared::<L>(a, [b; GROUP])[0]
+}
+
+/// `N` lanes a vector; 0 stands for any number of them.
+#[inline(always)]
+fn search<L: Lanes, const N: usize>(table: &Quantizer, x: &[Eight], hint: u32) -> u32 {
+    let x = if N == 0 { x } else { &x[..N] };
+    let mut best = hint;
+    let [mut square, ..] = squared::<L>(x, [table.centres.get(hint, x.len()); GROUP]);
+    let mut near = square.sqrt();
+    'list: loop {
+        let from_owner = near;
+        // An entry as near as the best is at most so far from the owner of the list.
+        let mut reach = (from_owner + near) * (1.0 + MARGIN) + LEAST;
+        let (centres, distances, beyond) = table.neighbours.of(best as usize);
+        for (centres, distances) in centres.iter().zip(distances) {
+            if distances[0] > reach {
+                return best;
+            }
+            let squares = squared::<L>(x, centres.map(|centre| table.centres.get(centre, x.len())));
+            let least = squares[0].min(squares[1]).min(squares[2].min(squares[3]));
+            if least <= square {
+                let before = square;
+                for (&centre, &other) in centres.iter().zip(&squares) {
+                    if other < square || (other == square && centre < best) {
+                        (best, square) = (centre, other);
+                    }
+                }
+                if square < before {
+                    near = square.sqrt();
+                    if near < MOVE * from_owner {
+                        continue 'list;
+                    }
+                    reach = (from_owner + near) * (1.0 + MARGIN) + LEAST;
+                }
+            }
+        }
+        // Not a number where distances overflow: then all entries are compared, too.
+        return if beyond > reach { best } else { all::<L>(table, x) };
+    }
+}
+
+#[inline(always)]
+fn all<L: Lanes>(table: &Quantizer, x: &[Eight]) -> u32 {
+    let (mut best, mut square) = (0, f32::INFINITY);
+    let mut least = L::splat(square);
+    for (at, block) in table.centres.blocked.chunks_exact(table.centres.dims).enumerate() {
+        let squares: L = squared_of_eight(x, block);
+        if squares.less(least) != 0 {
+            for (lane, other) in squares.store().into_iter().enumerate() {
+                if other < square {
+                    (best, square) = ((at * WIDTH + lane) as u32, other);
+                }
+            }
+            least = L::splat(square);
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::{noise, walk};
+    use super::*;
+
+    /// The definition: compare with every entry, in the order of [`super::super::lanes::squared`].
+    fn plain(vector: &[f32], entries: &[f32], dims: usize) -> u32 {
+        let square = |entry: &[f32]| {
+            let mut s = [0f32; WIDTH];
+            for (i, (x, e)) in vector.iter().zip(entry).enumerate() {
+                s[i % WIDTH] += (x - e) * (x - e);
+            }
+            ((s[0] + s[4]) + (s[2] + s[6])) + ((s[1] + s[5]) + (s[3] + s[7]))
+        };
+        let squares: Vec<f32> = entries.chunks_exact(dims).map(square).collect();
+        (0..squares.len() as u32)
+            .min_by(|&a, &b| squares[a as usize].total_cmp(&squares[b as usize]))
+            .unwrap()
+    }
+
+    fn check(vectors: &[f32], entries: &[f32], dims: usize) {
+        let table = Quantizer::new(entries, dims).unwrap();
+        let mut last = 0;
+        for (i, vector) in (0u32..).zip(vectors.chunks_exact(dims)) {
+            let expected = plain(vector, entries, dims);
+            last = table.nearest(vector, last);
+            assert_eq!(last, expected);
+            assert_eq!(table.nearest(vector, i.wrapping_mul(2_654_435_761)), expected, "any hint");
+            assert_eq!(table.nearest_of_all(vector), expected);
+        }
+    }
+
+    #[test]
+    fn the_answer_is_that_of_comparing_with_all() {
+        for (dims, count) in
+            [(27, 3000), (36, 500), (9, 700), (100, 100), (4, 33), (1, 40), (27, 5), (3, 1)]
+        {
+            check(&walk(400, dims, 1), &walk(count, dims, 2), dims);
+            check(&noise(100 * dims, 3), &noise(count * dims, 4), dims);
+        }
+    }
+
+    #[test]
+    fn short_lists_are_no_excuse() {
+        // More entries than a list holds, all about equally far from a vector in their midst.
+        let entries = noise(6000 * 64, 1);
+        let table = Quantizer::new(&entries, 64).unwrap();
+        let middle = [0.5; 64];
+        assert_eq!(table.nearest(&middle, 17), plain(&middle, &entries, 64));
+    }
+
+    #[test]
+    fn the_lowest_of_equal_entries_is_taken() {
+        let one = noise(27, 1);
+        let entries: Vec<f32> = one.iter().copied().cycle().take(27 * 50).collect();
+        let table = Quantizer::new(&entries, 27).unwrap();
+        assert_eq!(table.nearest(&one, 49), 0);
+        assert_eq!(table.nearest(&noise(27, 2), 30), 0);
+        // On a grid, most distances are equal to several others.
+        let grid: Vec<f32> =
+            (0..4096).flat_map(|i| [i % 16, i / 16 % 16, i / 256]).map(|x| x as f32).collect();
+        let between: Vec<f32> = grid.iter().map(|x| x + 0.5).collect();
+        check(&between, &grid, 3);
+    }
+
+    #[test]
+    fn scale_does_not_matter() {
+        let (vectors, entries) = (walk(200, 27, 1), walk(300, 27, 2));
+        let answers = |exponent: i32| -> Vec<u32> {
+            let by = |all: &[f32]| all.iter().map(|x| x * 2f32.powi(exponent)).collect::<Vec<_>>();
+            let table = Quantizer::new(&by(&entries), 27).unwrap();
+            by(&vectors).chunks_exact(27).map(|v| table.nearest(v, 0)).collect()
+        };
+        for exponent in [-100, -40, 40, 100] {
+            assert_eq!(answers(exponent), answers(0));
+        }
+    }
+
+    #[test]
+    fn an_entry_is_its_own_nearest() {
+        let entries = walk(1000, 36, 5);
+        let table = Quantizer::new(&entries, 36).unwrap();
+        for (entry, i) in entries.chunks_exact(36).zip(0..) {
+            assert_eq!(table.nearest(entry, 999 - i), i);
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_or_too_far_has_entry_zero() {
+        let table = Quantizer::new(&walk(100, 9, 1), 9).unwrap();
+        for strange in [f32::NAN, f32::INFINITY, f32::MAX] {
+            assert_eq!(table.nearest(&[strange; 9], 50), 0);
+        }
+        assert_eq!(Quantizer::new(&[0.0; 9 * 40], 9).unwrap().nearest(&[1.0; 9], 7), 0);
+        for (entries, dims) in [(&[][..], 3), (&[1.0, 2.0], 3), (&[f32::NAN], 1), (&[1.0], 0)] {
+            assert!(Quantizer::new(entries, dims).is_err());
+        }
+        assert!(Quantizer::new(&[0.0; 129], 129).is_err());
+    }
+
+    #[test]
+    fn moved_entries_are_followed() {
+        let mut entries = walk(6000, 9, 1);
+        let vectors = walk(300, 9, 2);
+        let mut table = Quantizer::new(&entries, 9).unwrap();
+        for round in 0..6 {
+            let by = noise(entries.len(), 10 + round);
+            entries.iter_mut().zip(by).for_each(|(x, by)| *x += 0.02 * (by - 0.5));
+            // One that jumps to the other end.
+            let jump = round as usize * 700;
+            entries.copy_within(0..9, (jump + 90) * 9);
+            table.follow(&entries, &vec![if round < 3 { 0.0 } else { 0.3 }; 6000]);
+            for vector in vectors.chunks_exact(9) {
+                assert_eq!(table.nearest(vector, (jump + 90) as u32), plain(vector, &entries, 9));
+            }
+        }
+    }
+}
