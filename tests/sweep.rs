@@ -409,3 +409,18 @@ fn a_sweep_keeps_within_its_disk() {
     assert!(most < whole * 9 / 10, "{most} bytes of {whole}");
     assert_eq!(figures(&bound.path("out/sweep")), figures(&free.path("out/sweep")));
 }
+
+#[test]
+fn every_committed_sweep_can_be_planned() {
+    let project = Workspace::of("reference.ron");
+    let folder = crate::workspace::graphs().join("sweeps");
+    let files: Vec<_> = fs::read_dir(folder).unwrap().map(|file| file.unwrap().path()).collect();
+    assert!(files.len() >= 5, "{files:?}");
+    for file in files {
+        let planned = ask(&project, &["sweep", file.to_str().unwrap(), "--plan", "--json"]);
+        assert_eq!(code(&planned), 0, "{}: {}", file.display(), errors(&planned));
+        let counted = json(&planned);
+        assert!(counted["points"].as_u64() >= Some(3), "{}: {counted}", file.display());
+        assert!(counted["distinct_runs"].as_u64() < counted["runs_apart"].as_u64());
+    }
+}
