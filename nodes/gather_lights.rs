@@ -114,9 +114,7 @@ impl Shader<'_> {
 
     /// Radiance that the sample reflects, diffusely: a glossy lobe would need a direction.
     fn radiance(&self, surface: &Surface, row: &mut [Vec3]) -> Vec3 {
-        // What metals and glosses reflect is spread over all directions, so that its energy is kept.
-        let reflectance = surface.reflectance;
-        let albedo = (reflectance.albedo + reflectance.specular).min(Vec3::ONE);
+        let albedo = surface.spread_albedo();
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;
         }

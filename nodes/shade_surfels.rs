@@ -68,10 +68,12 @@ impl Node for ShadeSurfels {
                 let mut row = vec![Vec3::ZERO; lights];
                 let shade = |&i: &usize| {
                     let surface = surface(&stage, surfels, i);
-                    let receiver = receiver(&surface);
+                    let Surface { position, normal, facet, .. } = surface;
+                    let albedo = surface.spread_albedo();
+                    let receiver = Receiver::diffuse(position, normal, facet, albedo);
                     let mut radiance = if self.emission { surface.emitted.as_dvec3() } else { DVec3::ZERO };
                     if let Some(tensor) = &tensor
-                        && receiver.reflectance.albedo != Vec3::ZERO
+                        && albedo != Vec3::ZERO
                     {
                         tensor.row(&receiver, &mut row);
                         radiance += row.iter().map(|r| r.as_dvec3()).sum::<DVec3>();
@@ -110,11 +112,4 @@ fn surface(stage: &Stage, surfels: &Surfels, i: usize) -> Surface {
     let surface = stage.surface(surfels.triangle[i], at.x, at.y);
     let outward = if surfels.front[i] != 0 { surface.facet } else { -surface.facet };
     surface.facing(outward)
-}
-
-/// What metals and glosses reflect is spread over all directions, so that its energy is kept.
-fn receiver(surface: &Surface) -> Receiver {
-    let reflectance = surface.reflectance;
-    let albedo = (reflectance.albedo + reflectance.specular).min(Vec3::ONE);
-    Receiver::diffuse(surface.position, surface.normal, surface.facet, albedo)
 }

@@ -27,6 +27,12 @@ pub struct Surface {
 }
 
 impl Surface {
+    /// Reflectance of a point that stands for its surface in all directions: what metals and glosses
+    /// reflect is spread over them, so that its energy is kept.
+    pub fn spread_albedo(&self) -> Vec3 {
+        (self.reflectance.albedo + self.reflectance.specular).min(Vec3::ONE)
+    }
+
     /// The same point with its normals on the side of `direction` (pointing away from the surface),
     /// and the emission of that side.
     pub fn facing(mut self, direction: Vec3) -> Self {

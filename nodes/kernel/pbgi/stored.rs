@@ -126,6 +126,7 @@ fn finish<T: Topology>(
     };
     let stored = encode(built, surfels, scales, recipe.format, Precision::Fine);
     let (first, counts) = links(topology);
+    let count = rows.len() / dimensions(bands);
     let mut tree = PbgiTree {
         shape: recipe.shape as u8,
         format: recipe.format as u8,
@@ -150,17 +151,7 @@ fn finish<T: Topology>(
         half: Array::default(),
         lean: Array::default(),
         scales: flat(&stored.scales).into(),
-        rows: Array::shaped(
-            rows,
-            &[
-                if lut.is_some() {
-                    lut.map_or(0, |l| l.entries.len() / dimensions(bands))
-                } else {
-                    inner
-                },
-                dimensions(bands),
-            ],
-        ),
+        rows: Array::shaped(rows, &[count, dimensions(bands)]),
         indices: indices.into(),
     };
     match stored.spheres {

@@ -1,6 +1,7 @@
 //! How far the images of two sides are apart, by every metric there is, and as pictures.
 
 use super::side::Side;
+use crate::engine::mean;
 use crate::report::{Axis, Document, Encoded, Fate, Plot, Point, Setting, Spread};
 use lightloom_nodes as nodes;
 use nodes::data::{Image, Picture};
@@ -27,7 +28,6 @@ impl Judged {
         let (i, r) = (|| image.clone(), || reference.clone());
         let mut figures = Vec::new();
         let mut unknown = Vec::new();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
         let all =
             nodes::Compare::default().run(nodes::CompareIn { image: i(), reference: r() }, &ctx)?;
         for (name, value) in [
