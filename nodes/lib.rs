@@ -53,6 +53,7 @@ nodes! {
     image_file ImageFile;
     lut Lut;
     materials Materials;
+    meadow Meadow;
     merge_lights MergeLights;
     orbit_camera OrbitCamera;
     pavilion Pavilion;

@@ -19,6 +19,24 @@ pub struct Surfel {
     pub radius: f32,
 }
 
+/// Surfels by number, wherever they are kept: what trees are built over without a copy of them all.
+pub trait SurfelSet: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+    /// Surfel `i`, below the count.
+    fn surfel(&self, i: usize) -> Surfel;
+}
+
+impl SurfelSet for Vec<Surfel> {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn surfel(&self, i: usize) -> Surfel {
+        self[i]
+    }
+}
+
 /// A sphere around all surfels of a subtree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bound {

@@ -2,7 +2,7 @@
 
 use super::bits;
 use super::half::Losses;
-use super::hierarchy::{Bound, Surfel};
+use super::hierarchy::{Bound, Surfel, SurfelSet};
 use super::lut::Quantizer;
 use super::stream::{Average, Finished, dimensions, fill};
 use super::topology::{Binary, Built, Octree, Topology, binary, octree};
@@ -49,16 +49,36 @@ pub struct Account {
     pub losses: Losses,
 }
 
-/// The surfels as the kernels take them.
-fn surfels(radiant: &RadiantSurfels) -> Vec<Surfel> {
-    let surfel = |i: usize| Surfel {
-        position: radiant.position[i],
-        normal: radiant.normal[i],
-        radiance: radiant.radiance[i],
-        area: radiant.area[i],
-        radius: radiant.radius[i],
-    };
-    (0..radiant.position.len()).map(surfel).collect()
+impl SurfelSet for RadiantSurfels {
+    fn count(&self) -> usize {
+        self.position.len()
+    }
+
+    fn surfel(&self, i: usize) -> Surfel {
+        Surfel {
+            position: self.position[i],
+            normal: self.normal[i],
+            radiance: self.radiance[i],
+            area: self.area[i],
+            radius: self.radius[i],
+        }
+    }
+}
+
+/// Surfels as leaves hold them. They are rounded each time they are asked for: a copy of all would be as large as the tree.
+struct Rounded<'a> {
+    radiant: &'a RadiantSurfels,
+    scales: &'a Scales,
+}
+
+impl SurfelSet for Rounded<'_> {
+    fn count(&self) -> usize {
+        self.radiant.count()
+    }
+
+    fn surfel(&self, i: usize) -> Surfel {
+        self.scales.rounded(&self.radiant.surfel(i), &mut Losses::default())
+    }
 }
 
 /// Builds a tree over surfels; with a table, each vector is replaced by its nearest entry as soon as its
@@ -71,36 +91,37 @@ pub fn build(
     recipe: Recipe,
     lut: Option<&Lut>,
 ) -> Result<(PbgiTree, Account), Error> {
-    let mut surfels = surfels(radiant);
-    if surfels.is_empty() {
+    if radiant.count() == 0 {
         return Err(Error::invalid("there is no surfel to build a tree of"));
     }
-    let scales = Scales::fit(recipe.format, &surfels);
-    let losses = scales.round(&mut surfels);
+    let scales = Scales::fit(recipe.format, radiant);
+    let mut losses = Losses::default();
+    for i in 0..radiant.count() {
+        scales.encode(&radiant.surfel(i), &mut losses);
+    }
+    let surfels = Rounded { radiant, scales: &scales };
     let made = match recipe.shape {
         Shape::Binary => {
-            let built = binary::build(&surfels);
-            finish(&built, &surfels, scales, recipe, lut, |_| (Vec::new(), Vec::new()))
+            finish(binary::build(&surfels), &surfels, recipe, lut, |_| (Vec::new(), Vec::new()))
         }
         Shape::Octree => {
-            let built = octree::build(&surfels);
-            let links = |octree: &Octree<'_>| (octree.first.to_vec(), octree.counts.to_vec());
-            finish(&built, &surfels, scales, recipe, lut, links)
+            let links =
+                |octree: Octree<'_>| (octree.first.into_owned(), octree.counts.into_owned());
+            finish(octree::build(&surfels), &surfels, recipe, lut, links)
         }
     };
     made.map(|(tree, live)| (tree, Account { live, losses }))
 }
 
 fn finish<T: Topology>(
-    built: &Built<T>,
-    surfels: &[Surfel],
-    scales: Scales,
+    built: Built<T>,
+    surfels: &Rounded<'_>,
     recipe: Recipe,
     lut: Option<&Lut>,
-    links: impl Fn(&T) -> (Vec<[u32; 2]>, Vec<u8>),
+    links: impl Fn(T) -> (Vec<[u32; 2]>, Vec<u8>),
 ) -> Result<(PbgiTree, usize), Error> {
     let topology = &built.topology;
-    let leaf = |k: usize| surfels[built.order[k] as usize];
+    let leaf = |k: usize| surfels.surfel(built.order[k] as usize);
     let inner = topology.inner();
     let bands = lut.map_or(recipe.bands, |lut| lut.bands);
     let (rows, indices, live) = match lut {
@@ -124,14 +145,15 @@ fn finish<T: Topology>(
             (lut.entries.to_vec(), bits::pack(places.into_iter(), bits::width(entries)), live)
         }
     };
-    let stored = encode(built, surfels, scales, recipe.format);
+    let (stored, topology) = encode(built, surfels, surfels.scales.clone(), recipe.format);
+    let leaves = topology.leaves() as u32;
     let (first, counts) = links(topology);
     let count = rows.len() / dimensions(bands);
     let mut tree = PbgiTree {
         shape: recipe.shape as u8,
         format: recipe.format as u8,
         bands,
-        leaves: topology.leaves() as u32,
+        leaves,
         root: vec![
             stored.root.center.x,
             stored.root.center.y,

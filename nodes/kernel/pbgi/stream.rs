@@ -301,13 +301,13 @@ mod tests {
             area,
             radius: 0.1,
         };
-        let surfels = [surfel(0.0, 0.0, 3.0), surfel(1.0, 8.0, 1.0)];
+        let surfels = vec![surfel(0.0, 0.0, 3.0), surfel(1.0, 8.0, 1.0)];
         let built = binary::build(&surfels);
         let (by_area, _) = vectors(&built, &surfels, 1, Average::Area);
         let (uniform, _) = vectors(&built, &surfels, 1, Average::Uniform);
         assert_eq!((by_area[0] / by_area[3], uniform[0] / uniform[3]), (2.0, 4.0));
         // Nothing but zero areas: a plain mean, and no division by zero.
-        let flat = surfels.map(|s| Surfel { area: 0.0, ..s });
+        let flat: Vec<_> = surfels.iter().map(|s| Surfel { area: 0.0, ..*s }).collect();
         assert_eq!(vectors(&built, &flat, 1, Average::Area).0, uniform);
     }
 

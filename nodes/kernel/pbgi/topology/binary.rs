@@ -5,7 +5,7 @@
 //! inner node is that of the last leaf of its first half, which numbers the inner nodes from 0 without gaps. A tree of n leaves is
 //! ceil(log2 n) deep whatever the input, so the recursions here are at most 32 deep.
 
-use super::super::hierarchy::{Bound, Surfel};
+use super::super::hierarchy::{Bound, SurfelSet};
 use super::disc::{Disc, corners, discs, sphere};
 use super::{Built, Part, Topology};
 use glam::Vec3;
@@ -73,12 +73,13 @@ impl Topology for Binary {
 const PIECE: usize = 1 << 14;
 
 /// Builds the tree over surfels (fewer than 2^32, finite). Surfels at one place are told apart by their number.
-pub fn build(surfels: &[Surfel]) -> Built<Binary> {
+pub fn build(surfels: &impl SurfelSet) -> Built<Binary> {
     let mut discs = discs(surfels);
-    let mut bounds = vec![Bound::default(); surfels.len().saturating_sub(1)];
+    let mut bounds = vec![Bound::default(); discs.len().saturating_sub(1)];
     split(&mut discs, &mut bounds, Bound { center: Vec3::ZERO, radius: f32::INFINITY });
-    let topology = Binary { leaves: surfels.len() as u32 };
-    Built { topology, order: discs.iter().map(|d| d.surfel).collect(), bounds }
+    let topology = Binary { leaves: discs.len() as u32 };
+    // Collected in place: the discs are not needed beside their order.
+    Built { topology, order: discs.into_iter().map(|d| d.surfel).collect(), bounds }
 }
 
 /// Sorts a run of discs into the order of the tree and writes the spheres of its nodes; none is larger than `around`,
@@ -113,6 +114,7 @@ fn split(discs: &mut [Disc], bounds: &mut [Bound], around: Bound) {
 #[cfg(test)]
 mod tests {
     use super::super::super::fixtures::{ball, cloud};
+    use super::super::super::hierarchy::Surfel;
     use super::super::tests_of_shapes::check;
     use super::*;
 

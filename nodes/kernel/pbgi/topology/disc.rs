@@ -1,7 +1,8 @@
 //! A surfel as the builders sort it, and spheres around several.
 
-use super::super::hierarchy::{Bound, Surfel};
+use super::super::hierarchy::{Bound, Surfel, SurfelSet};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Place, size and number of a surfel.
 #[derive(Clone, Copy)]
@@ -12,13 +13,12 @@ pub struct Disc {
 }
 
 /// The discs of surfels, numbered.
-pub fn discs(surfels: &[Surfel]) -> Vec<Disc> {
-    let disc = |(i, s): (usize, &Surfel)| Disc {
-        position: s.position,
-        radius: s.radius,
-        surfel: i as u32,
+pub fn discs(surfels: &impl SurfelSet) -> Vec<Disc> {
+    let disc = |i: usize| {
+        let Surfel { position, radius, .. } = surfels.surfel(i);
+        Disc { position, radius, surfel: i as u32 }
     };
-    surfels.iter().enumerate().map(disc).collect()
+    (0..surfels.count()).into_par_iter().map(disc).collect()
 }
 
 /// Corners of the box around their centres.

@@ -6,7 +6,7 @@
 //!
 //! Inner children of a node are numbered one after the other, and so are its leaf children; all numbers below a node follow each other.
 
-use super::super::hierarchy::{Bound, Surfel};
+use super::super::hierarchy::{Bound, SurfelSet};
 use super::disc::{Disc, corners, discs, sphere};
 use super::{ARITY, Built, Part, Topology};
 use rayon::prelude::*;
@@ -94,7 +94,7 @@ impl Topology for Octree<'_> {
 }
 
 /// Builds the tree over surfels (fewer than 2^31, finite).
-pub fn build(surfels: &[Surfel]) -> Built<Octree<'static>> {
+pub fn build(surfels: &impl SurfelSet) -> Built<Octree<'static>> {
     let mut discs = discs(surfels);
     let codes = sort(&mut discs);
     let mut tree = Growing::default();
@@ -123,11 +123,8 @@ pub fn build(surfels: &[Surfel]) -> Built<Octree<'static>> {
         }
     }
     tree.heavier_first();
-    let topology = Octree {
-        first: tree.first.into(),
-        counts: tree.counts.into(),
-        leaves: surfels.len() as u32,
-    };
+    let topology =
+        Octree { first: tree.first.into(), counts: tree.counts.into(), leaves: discs.len() as u32 };
     Built { topology, order: tree.order, bounds: tree.bounds }
 }
 
@@ -218,6 +215,7 @@ impl Growing {
 mod tests {
     use super::super::super::fixtures::{ball, cloud};
     use super::super::tests_of_shapes::check;
+    use super::super::super::hierarchy::Surfel;
     use super::*;
     use glam::Vec3;
 

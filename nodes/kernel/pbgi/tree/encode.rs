@@ -1,11 +1,11 @@
 //! From surfels to the arrays of a stored tree.
 
 use super::super::half::{self, Losses};
-use super::super::hierarchy::{Bound, Surfel};
+use super::super::hierarchy::{Bound, Surfel, SurfelSet};
 use super::super::topology::walk::{Fold, fold};
 use super::super::topology::{Built, Part, Topology, above};
 use super::looks::{Format, Look, Scales};
-use super::spheres::{self, COARSE, FINE, Grid, Spheres};
+use super::spheres::{self, COARSE, FINE, Grid, Number, Spheres};
 use super::vectors::Vectors;
 use super::{Leaves, Looks, Places, Tree, lattice};
 use glam::Vec3;
@@ -52,27 +52,59 @@ pub enum StoredLooks {
     Lean(Vec<[u8; 8]>),
 }
 
-/// Encodes a tree that was built over `surfels`, which [`Scales::round`] has rounded. A walk from the root finds each disc, as it is
-/// decoded, within all spheres above it.
+/// Encodes a tree that was built over `surfels`, which are as [`Scales::rounded`] makes them, and gives its shape back. A walk from the root
+/// finds each disc, as it is decoded, within all spheres above it. What is no longer needed of the built tree is dropped on the way, so
+/// that much more than the result never lives.
 pub fn encode<T: Topology>(
-    built: &Built<T>,
-    surfels: &[Surfel],
+    built: Built<T>,
+    surfels: &impl SurfelSet,
     scales: Scales,
     format: Format,
-) -> Stored {
-    let topology = &built.topology;
-    let leaf = |k: usize| &surfels[built.order[k] as usize];
-    let leaves = 0..topology.leaves();
+) -> (Stored, T) {
+    let Built { topology, order, bounds } = built;
+    let leaf = |k: usize| surfels.surfel(order[k] as usize);
+    let leaves = || 0..topology.leaves();
+    let root = match topology.root().map(|root| topology.part(root)) {
+        Some(Part::Inner(i)) => bounds[i],
+        Some(Part::Leaf(k)) => Bound { center: leaf(k).position, radius: leaf(k).radius },
+        None => Bound::default(),
+    };
     // Rounded surfels lose nothing more.
     let mut losses = Losses::default();
+    let (root, spheres, places) = match format {
+        Format::A => {
+            let mut codes = vec![[0; 4]; topology.inner()];
+            spheres::encode(&topology, root, |i| bounds[i], FINE, &mut codes, |_, _| ());
+            drop(bounds);
+            let world = leaves().map(|k| leaf(k).position).collect();
+            (root, StoredSpheres::Fine(codes, areas(&topology, leaf)), StoredPlaces::World(world))
+        }
+        Format::B => {
+            let (codes, places, root) = relative(&topology, leaf, bounds, root, FINE);
+            let areas = areas(&topology, leaf);
+            (root, StoredSpheres::Fine(codes, areas), StoredPlaces::Parent(places))
+        }
+        Format::C => {
+            let (codes, places, root) = relative(&topology, leaf, bounds, root, COARSE);
+            let areas = areas(&topology, leaf);
+            let scale = half::scale(areas.iter().copied().fold(0.0, f32::max));
+            let areas = areas.iter().map(|area| half::encode(area * scale, &mut losses)).collect();
+            (root, StoredSpheres::Coarse(codes, areas, scale), StoredPlaces::Parent(places))
+        }
+    };
     let looks = match format {
         Format::A | Format::B => StoredLooks::Half(
-            leaves.clone().map(|k| half_codes(scales.encode(leaf(k), &mut losses))).collect(),
+            leaves().map(|k| half_codes(scales.encode(&leaf(k), &mut losses))).collect(),
         ),
         Format::C => StoredLooks::Lean(
-            leaves.clone().map(|k| lean_codes(scales.encode(leaf(k), &mut losses))).collect(),
+            leaves().map(|k| lean_codes(scales.encode(&leaf(k), &mut losses))).collect(),
         ),
     };
+    (Stored { root, spheres, places, looks, scales }, topology)
+}
+
+/// Area of all surfels below each inner node.
+fn areas<T: Topology>(topology: &T, leaf: impl Fn(usize) -> Surfel) -> Vec<f32> {
     let mut areas = vec![0.0; topology.inner()];
     let mut sums = Folded {
         leaf: |k: usize| f64::from(leaf(k).area),
@@ -80,28 +112,7 @@ pub fn encode<T: Topology>(
         close: |i: usize, area| areas[i] = area as f32,
     };
     fold(topology, topology.root(), &mut sums);
-    let root = root(built, surfels);
-    let fine =
-        |codes: Vec<[u32; 4]>| codes.into_iter().map(|code| code.map(|c| c as u16)).collect();
-    let (root, spheres, places) = match format {
-        Format::A => {
-            let codes = spheres::encode(topology, root, |i| built.bounds[i], FINE, |_, _| ());
-            let world = leaves.map(|k| leaf(k).position).collect();
-            (root, StoredSpheres::Fine(fine(codes), areas), StoredPlaces::World(world))
-        }
-        Format::B => {
-            let (codes, places, root) = relative(built, surfels, root, FINE);
-            (root, StoredSpheres::Fine(fine(codes), areas), StoredPlaces::Parent(places))
-        }
-        Format::C => {
-            let (codes, places, root) = relative(built, surfels, root, COARSE);
-            let codes = codes.into_iter().map(|code| code.map(|c| c as u8)).collect();
-            let scale = half::scale(areas.iter().copied().fold(0.0, f32::max));
-            let areas = areas.iter().map(|area| half::encode(area * scale, &mut losses)).collect();
-            (root, StoredSpheres::Coarse(codes, areas, scale), StoredPlaces::Parent(places))
-        }
-    };
-    Stored { root, spheres, places, looks, scales }
+    areas
 }
 
 fn half_codes(look: Look) -> [u16; 7] {
@@ -118,34 +129,26 @@ fn lean_codes(look: Look) -> [u8; 8] {
     }
 }
 
-/// The sphere of the root: of a single surfel that of its disc.
-fn root<T: Topology>(built: &Built<T>, surfels: &[Surfel]) -> Bound {
-    match built.topology.root().map(|root| built.topology.part(root)) {
-        Some(Part::Inner(i)) => built.bounds[i],
-        Some(Part::Leaf(_)) => Bound { center: surfels[0].position, radius: surfels[0].radius },
-        None => Bound::default(),
-    }
-}
-
 /// Codes of spheres and of places that are relative to them, and the sphere of the root. A decoded place is off by a share of the radius
 /// of its parent, and spheres have to hold that disc as well: they are widened by how far places below can be off, and coded again, until
 /// they do. Each time the widening changes by a small share of itself, so that two or three rounds are enough.
-fn relative<T: Topology>(
-    built: &Built<T>,
-    surfels: &[Surfel],
+fn relative<T: Topology, C: Number>(
+    topology: &T,
+    leaf: impl Fn(usize) -> Surfel,
+    bounds: Vec<Bound>,
     root: Bound,
     grid: Grid,
-) -> (Vec<[u32; 4]>, Vec<u16>, Bound) {
-    let topology = &built.topology;
+) -> (Vec<[C; 4]>, Vec<u16>, Bound) {
     let top = topology.root().map(|root| topology.part(root));
     let mut wider = vec![0.0f32; topology.inner()];
     let (mut places, mut errors) = (vec![0; topology.leaves()], vec![0.0; topology.leaves()]);
+    let mut codes = vec![[C::default(); 4]; topology.inner()];
     loop {
         let extra = if let Some(Part::Inner(i)) = top { wider[i] } else { 0.0 };
         let root = widened(root, extra);
-        let own = |i: usize| widened(built.bounds[i], wider[i]);
-        let codes = spheres::encode(topology, root, own, grid, |k, parent| {
-            let place = surfels[built.order[k] as usize].position;
+        let own = |i: usize| widened(bounds[i], wider[i]);
+        spheres::encode(topology, root, own, grid, &mut codes, |k, parent| {
+            let place = leaf(k).position;
             places[k] = lattice::encode(place, parent);
             let off = (lattice::decode(places[k], parent).as_dvec3() - place.as_dvec3()).length();
             // What it may be in a sphere little different, not what it happens to be in this one: so the next round is the last.

@@ -4,7 +4,7 @@
 //! spheres hold the discs as they are decoded.
 
 use super::super::half::{self, Losses};
-use super::super::hierarchy::Surfel;
+use super::super::hierarchy::{Surfel, SurfelSet};
 use super::{colours, octahedral, sizes};
 use glam::Vec3;
 use std::f32::consts::PI;
@@ -77,19 +77,18 @@ pub enum Look {
 
 impl Scales {
     /// Scales that suit these surfels.
-    pub fn fit(format: Format, surfels: &[Surfel]) -> Self {
-        let greatest = |value: fn(&Surfel) -> f32| {
-            surfels.iter().map(value).filter(|v| v.is_finite()).fold(0.0, f32::max)
+    pub fn fit(format: Format, surfels: &impl SurfelSet) -> Self {
+        let all = || (0..surfels.count()).map(|i| surfels.surfel(i));
+        let greatest = |value: fn(Surfel) -> f32| {
+            all().map(value).filter(|v| v.is_finite()).fold(0.0, f32::max)
         };
         let radiance = half::scale(greatest(|s| s.radiance.max_element()));
         if format == Format::C {
-            let table =
-                |value: fn(&Surfel) -> f32| Box::new(sizes::table(surfels.iter().map(value)));
+            let table = |value: fn(Surfel) -> f32| Box::new(sizes::table(all().map(value)));
             return Scales::Lean { radiance, areas: table(|s| s.area), radii: table(|s| s.radius) };
         }
-        let sum = |value: fn(&Surfel) -> f64| {
-            surfels.iter().map(value).filter(|v| v.is_finite()).sum::<f64>()
-        };
+        let sum =
+            |value: fn(Surfel) -> f64| all().map(value).filter(|v| v.is_finite()).sum::<f64>();
         let (discs, areas) =
             (sum(|s| f64::from(s.radius) * f64::from(s.radius)), sum(|s| f64::from(s.area)));
         let spread =
@@ -160,13 +159,9 @@ impl Scales {
         }
     }
 
-    /// Rounds surfels to what leaves can hold, places excepted, and counts what they cannot.
-    pub fn round(&self, surfels: &mut [Surfel]) -> Losses {
-        let mut losses = Losses::default();
-        for surfel in surfels {
-            *surfel = self.decode(self.encode(surfel, &mut losses), surfel.position);
-        }
-        losses
+    /// A surfel as a leaf holds it, its place excepted; what that loses is counted.
+    pub fn rounded(&self, surfel: &Surfel, losses: &mut Losses) -> Surfel {
+        self.decode(self.encode(surfel, losses), surfel.position)
     }
 }
 
@@ -175,10 +170,10 @@ mod tests {
     use super::super::super::fixtures::cloud;
     use super::*;
 
-    fn rounded(format: Format, surfels: &[Surfel]) -> (Vec<Surfel>, Losses) {
-        let mut rounded = surfels.to_vec();
-        let losses = Scales::fit(format, surfels).round(&mut rounded);
-        (rounded, losses)
+    fn rounded(format: Format, surfels: &Vec<Surfel>) -> (Vec<Surfel>, Losses) {
+        let mut losses = Losses::default();
+        let scales = Scales::fit(format, surfels);
+        (surfels.iter().map(|s| scales.rounded(s, &mut losses)).collect(), losses)
     }
 
     #[test]

@@ -44,6 +44,24 @@ pub struct Grid {
     whole: u32,
 }
 
+/// A number of a code.
+pub trait Number: Copy + Default {
+    /// The number `code`, which is within the range of the type.
+    fn of(code: u32) -> Self;
+}
+
+impl Number for u8 {
+    fn of(code: u32) -> u8 {
+        code as u8
+    }
+}
+
+impl Number for u16 {
+    fn of(code: u32) -> u16 {
+        code as u16
+    }
+}
+
 /// 16 bits a number.
 pub const FINE: Grid = Grid { half: 32_767, whole: 65_535 };
 /// 8 bits a number.
@@ -79,17 +97,18 @@ impl Grid {
     }
 }
 
-/// Codes of all inner nodes of a tree whose root has the sphere `root`. `own` gives the sphere that a node has to hold; `leaf` is called for
-/// each leaf with the sphere of its parent as it will be decoded.
-pub fn encode<T: Topology>(
+/// Writes the code of each inner node of a tree whose root has the sphere `root` to `codes`, in numbers that [`Grid`] fits in. `own` gives the
+/// sphere that a node has to hold; `leaf` is called for each leaf with the sphere of its parent as it will be decoded.
+pub fn encode<T: Topology, C: Number>(
     topology: &T,
     root: Bound,
     own: impl Fn(usize) -> Bound,
     grid: Grid,
+    codes: &mut [[C; 4]],
     mut leaf: impl FnMut(usize, Bound),
-) -> Vec<[u32; 4]> {
+) {
     // The root stands in its own sphere, which is kept beside the tree.
-    let mut codes = vec![grid.whole_parent(); topology.inner()];
+    codes.fill(grid.whole_parent().map(C::of));
     let mut open: Vec<(T::Node, Bound)> = Vec::new();
     let mut visit = |node, bound, open: &mut Vec<(T::Node, Bound)>| match topology.part(node) {
         Part::Leaf(k) => leaf(k, bound),
@@ -102,11 +121,11 @@ pub fn encode<T: Topology>(
         topology.children(node, |child| {
             let mut inside = bound;
             if let Part::Inner(i) = topology.part(child) {
-                codes[i] = grid.encode(own(i), bound);
-                inside = grid.decode(codes[i], bound);
+                let code = grid.encode(own(i), bound);
+                codes[i] = code.map(C::of);
+                inside = grid.decode(code, bound);
             }
             visit(child, inside, &mut open);
         });
     }
-    codes
 }

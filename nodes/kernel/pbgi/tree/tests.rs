@@ -2,6 +2,7 @@
 
 use super::super::bits;
 use super::super::fixtures::{ball, cloud, unit_vectors};
+use super::super::half::Losses;
 use super::super::harmonics::{basis, cosine, dot, with_functions};
 use super::super::stream::{Average, dimensions, fill};
 use super::super::topology::{Built, binary, octree};
@@ -12,10 +13,9 @@ use super::*;
 
 const ALL: [Format; 3] = [Format::A, Format::B, Format::C];
 
-fn rounded(format: Format, surfels: &[Surfel]) -> (Vec<Surfel>, Scales) {
-    let (mut surfels, scales) = (surfels.to_vec(), Scales::fit(format, surfels));
-    scales.round(&mut surfels);
-    (surfels, scales)
+fn rounded(format: Format, surfels: &Vec<Surfel>) -> (Vec<Surfel>, Scales) {
+    let (scales, mut losses) = (Scales::fit(format, surfels), Losses::default());
+    (surfels.iter().map(|s| scales.rounded(s, &mut losses)).collect(), scales)
 }
 
 fn vectors<T: Topology>(built: &Built<T>, surfels: &[Surfel], bands: u32) -> Vec<f32> {
@@ -71,13 +71,13 @@ fn every_format_holds_its_surfels() {
             let (surfels, scales) = rounded(format, &surfels);
             let built = binary::build(&surfels);
             let rows = vectors(&built, &surfels, 3);
-            let stored = encode(&built, &surfels, scales.clone(), format);
+            let stored = encode(built.clone(), &surfels, scales.clone(), format).0;
             let tree =
                 stored.tree(built.topology, Vectors { bands: 3, rows: &rows, indices: None });
             let binary_worst = check(&tree, &built, &surfels);
             let built = octree::build(&surfels);
             let rows = vectors(&built, &surfels, 3);
-            let stored = encode(&built, &surfels, scales, format);
+            let stored = encode(built.clone(), &surfels, scales, format).0;
             let tree = stored
                 .tree(built.topology.clone(), Vectors { bands: 3, rows: &rows, indices: None });
             let octree_worst = check(&tree, &built, &surfels);
@@ -97,7 +97,7 @@ fn coincident_surfels_stay_at_their_place() {
         let (surfels, scales) = rounded(format, &surfels);
         let built = binary::build(&surfels);
         let rows = vectors(&built, &surfels, 1);
-        let stored = encode(&built, &surfels, scales, format);
+        let stored = encode(built.clone(), &surfels, scales, format).0;
         check(
             &stored.tree(built.topology, Vectors { bands: 1, rows: &rows, indices: None }),
             &built,
@@ -113,7 +113,7 @@ fn far_from_the_origin_places_are_off_by_the_parent_and_by_rounding() {
     for format in ALL {
         let (surfels, scales) = rounded(format, &surfels);
         let built = binary::build(&surfels);
-        let stored = encode(&built, &surfels, scales, format);
+        let stored = encode(built.clone(), &surfels, scales, format).0;
         let rows = vectors(&built, &surfels, 1);
         let tree = stored.tree(built.topology, Vectors { bands: 1, rows: &rows, indices: None });
         let mut open: Vec<_> = tree.root().into_iter().collect();
@@ -142,7 +142,7 @@ fn nodes_send_the_sum_of_their_surfels() {
         let (surfels, scales) = rounded(Format::A, &surfels);
         let built = binary::build(&surfels);
         let rows = vectors(&built, &surfels, bands);
-        let stored = encode(&built, &surfels, scales, Format::A);
+        let stored = encode(built.clone(), &surfels, scales, Format::A).0;
         let tree = stored.tree(built.topology, Vectors { bands, rows: &rows, indices: None });
         for direction in unit_vectors(20, 1) {
             let Some(root) = tree.root() else { panic!("a root") };
@@ -230,7 +230,8 @@ fn stored_bytes_are_those_of_the_formats() {
     for format in ALL {
         let (surfels, scales) = rounded(format, &surfels);
         let built = binary::build(&surfels);
-        let Stored { spheres, places, looks, .. } = encode(&built, &surfels, scales, format);
+        let Stored { spheres, places, looks, .. } =
+            encode(built.clone(), &surfels, scales, format).0;
         let place = match places {
             StoredPlaces::World(p) => size_of_val(&p[..]),
             StoredPlaces::Parent(p) => size_of_val(&p[..]),
@@ -308,14 +309,14 @@ fn surfels_that_are_not_numbers_do_no_harm() {
             let (surfels, scales) = rounded(format, &surfels);
             let (binary, octree) = (binary::build(&surfels), octree::build(&surfels));
             let (rows, other_rows) = (vectors(&binary, &surfels, 2), vectors(&octree, &surfels, 2));
-            let stored = encode(&binary, &surfels, scales.clone(), format);
+            let stored = encode(binary.clone(), &surfels, scales.clone(), format).0;
             assert_eq!(
                 leaves(
                     &stored.tree(binary.topology, Vectors { bands: 2, rows: &rows, indices: None })
                 ),
                 60
             );
-            let stored = encode(&octree, &surfels, scales, format);
+            let stored = encode(octree.clone(), &surfels, scales, format).0;
             let all = Vectors { bands: 2, rows: &other_rows, indices: None };
             assert_eq!(leaves(&stored.tree(octree.topology, all)), 60);
         }
