@@ -1,23 +1,41 @@
 //! The table of node data vectors: k-means over a tree of some surfels (Buchholz and Boubekeur 2012, section 3.1).
 
 use crate::data::{self, Array, RadiantSurfels};
-use crate::kernel::pbgi::lut::{KMeans, Lut as Table, Seeding, Weighting};
+use crate::kernel::pbgi::learning::of_nodes;
+use crate::kernel::pbgi::lut::{KMeans, Lut as Table, Seeding, Weighting, balance, balanced};
 use crate::kernel::pbgi::stored::{Recipe, Shape, build};
-use crate::kernel::pbgi::stream::Average;
+use crate::kernel::pbgi::stream::{Average, dimensions};
 use crate::kernel::pbgi::tree::looks::Format;
-use crate::node::{Ctx, Error, Item, Node};
+use crate::node::{All, Ctx, Error, Item, Node};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+/// Vectors for each entry, where it learns from nodes: of those that several would share, the fewer the better the
+/// large nodes are met.
+const VECTORS: usize = 4;
+
+crate::choice! {
+    /// What a table is learned from.
+    pub enum Source {
+        /// Nodes of the tree, the larger the likelier.
+        Nodes = "nodes",
+        /// All nodes of a tree of some of the surfels (the paper).
+        Surfels = "surfels",
+    }
+}
+
 crate::params! {
-    /// Finds representative node data vectors: draws some of the surfels, builds a tree of them, and
-    /// clusters its vectors by k-means. Vectors that are nearly black are left out, and an entry of zeros
-    /// stands for them.
+    /// Finds representative node data vectors by k-means. It learns from nodes of the tree itself, most
+    /// from large ones, or as the paper does from a tree of some of the surfels; of one moment, or of all
+    /// frames. Vectors that are nearly black are left out, and an entry of zeros stands for them.
     pub struct Lut {
         /// Number of entries; one more where there are nearly black vectors, fewer where there are not so
         /// many distinct vectors.
         entries: u32 = 10_000, 1..=1_048_576;
-        /// Share of the surfels that are drawn. In the paper 0.1; at 0.001 rare colours are missed.
+        /// What vectors are learned from.
+        from: Source = Source::Nodes;
+        /// Share of the surfels that are drawn, where it learns from surfels. In the paper 0.1; at 0.001
+        /// rare colours are missed.
         subset: f64 = 0.1, 0.000001..=1.0;
         /// Rounds of Lloyd's algorithm; 10 to 20 in the paper. 0 keeps the vectors that were drawn at
         /// random, as in Figure 4.
@@ -40,23 +58,61 @@ crate::params! {
 crate::inputs! {
     /// Inputs of [`Lut`].
     pub struct LutIn {
-        /// Shaded surfels.
-        surfels: Item<RadiantSurfels>,
+        /// Shaded surfels of one moment: each frame has a table of its own.
+        surfels: Option<Item<RadiantSurfels>>,
+        /// Shaded surfels of all frames in place of those: one table for all.
+        shot: Option<All<RadiantSurfels>>,
     }
 }
 
 impl Node for Lut {
     const KIND: &'static str = "Lut";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = LutIn;
     type Out = data::Lut;
 
     fn run(&self, input: LutIn, ctx: &Ctx) -> Result<data::Lut, Error> {
         ctx.tick(0, 1)?;
-        let all = &input.surfels;
+        let shot = match (input.surfels, input.shot) {
+            (Some(surfels), None) => All::one(surfels),
+            (None, Some(shot)) => shot,
+            (None, None) => return Err(Error::invalid("neither `surfels` nor `shot` is given")),
+            _ => return Err(Error::invalid("both `surfels` and `shot` are given: one is enough")),
+        };
+        let mut vectors = Vec::new();
+        for k in 0..shot.len() {
+            vectors.extend(self.vectors(&*shot.get(k)?, shot.len())?);
+        }
+        let dims = dimensions(self.bands);
+        let settings = KMeans {
+            entries: self.entries,
+            iterations: self.iterations,
+            seeding: self.seeding,
+            weighting: self.weighting,
+            seed: self.seed,
+            ..KMeans::default()
+        };
+        let balance = balance(&vectors, dims);
+        let even = balanced(&vectors, dims, balance);
+        let tick = |done, total| ctx.tick(done, total);
+        let table = Table::build(&even, dims, &settings, &tick)?;
+        let entries = balanced(&table.entries, dims, 1.0 / balance).into_owned();
+        let rows = entries.len() / dims;
+        ctx.note(format!("{rows} entries from {} vectors", vectors.len() / dims));
+        Ok(data::Lut { entries: Array::shaped(entries, &[rows, dims]), bands: self.bands, balance })
+    }
+}
+
+impl Lut {
+    /// What is learned from one of so many frames.
+    fn vectors(&self, all: &RadiantSurfels, frames: usize) -> Result<Vec<f32>, Error> {
+        if self.from == Source::Nodes {
+            let count = (VECTORS * self.entries as usize).div_ceil(frames);
+            return Ok(of_nodes(all, self.shape, self.average, self.bands, count));
+        }
         let count = all.position.len();
-        let wanted = ((count as f64 * self.subset).ceil() as usize).clamp(1, count.max(1));
-        let drawn = self.drawn(count, wanted);
+        let wanted = (count as f64 * self.subset / frames as f64).ceil() as usize;
+        let drawn = self.drawn(count, wanted.clamp(1, count.max(1)));
         let some = RadiantSurfels {
             position: drawn.iter().map(|&i| all.position[i]).collect(),
             normal: drawn.iter().map(|&i| all.normal[i]).collect(),
@@ -70,29 +126,9 @@ impl Node for Lut {
             format: Format::A,
             bands: self.bands,
         };
-        let (tree, _) = build(&some, recipe, None)?;
-        let dims = tree.rows.shape().get(1).copied().unwrap_or(1);
-        let settings = KMeans {
-            entries: self.entries,
-            iterations: self.iterations,
-            seeding: self.seeding,
-            weighting: self.weighting,
-            seed: self.seed,
-            ..KMeans::default()
-        };
-        let table = Table::build(&tree.rows, dims, &settings, &|done, total| ctx.tick(done, total))?;
-        ctx.note(format!(
-            "{} entries from {} vectors of {wanted} surfels",
-            table.entries.len() / dims,
-            tree.rows.len() / dims
-        ));
-        let rows = table.entries.len() / dims;
-        let entries = Array::shaped(table.entries, &[rows, dims]);
-        Ok(data::Lut { entries, bands: self.bands })
+        Ok(build(&some, recipe, None)?.0.rows.to_vec())
     }
-}
 
-impl Lut {
     /// `wanted` of `count` surfels, each with the probability that exactly so many are drawn at the end.
     fn drawn(&self, count: usize, wanted: usize) -> Vec<usize> {
         let mut random = Pcg64Mcg::seed_from_u64(self.seed);

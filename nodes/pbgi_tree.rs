@@ -34,14 +34,14 @@ crate::inputs! {
 
 impl Node for PbgiTree {
     const KIND: &'static str = "PbgiTree";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = PbgiTreeIn;
     type Out = data::PbgiTree;
 
     fn memory(&self, inputs: &Sizes) -> u64 {
-        // A surfel of 44 bytes is held about twice; inner nodes have up to 400 bytes each, or 4.
+        // A surfel of 44 bytes, what sorting and storing it takes, and its inner node's vector or place.
         let each = if inputs.items("lut") > 0 { 4 } else { 16 * self.bands * self.bands };
-        inputs.bytes("surfels") / 44 * (200 + u64::from(each))
+        inputs.bytes("surfels") / 44 * (90 + u64::from(each))
     }
 
     fn run(&self, input: PbgiTreeIn, ctx: &Ctx) -> Result<data::PbgiTree, Error> {

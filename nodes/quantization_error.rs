@@ -22,7 +22,7 @@ crate::inputs! {
 
 impl Node for QuantizationError {
     const KIND: &'static str = "QuantizationError";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = QuantizationErrorIn;
     type Out = data::QuantizationError;
 
@@ -38,7 +38,7 @@ impl Node for QuantizationError {
                 tree.bands, lut.bands
             )));
         }
-        let found = errors(&tree.rows, &lut.entries, dimensions(tree.bands))?;
+        let found = errors(&tree.rows, &lut.entries, dimensions(tree.bands), lut.balance)?;
         Ok(data::QuantizationError { mean_l1: found.l1, mean_l2: found.l2, worst_l2: found.largest })
     }
 }

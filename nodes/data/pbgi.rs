@@ -44,6 +44,9 @@ artifact! {
         entries: Array<f32>,
         /// Bands of the harmonics.
         bands: u32,
+        /// What colours are multiplied with where an entry is compared with a vector, so that they count as
+        /// much as projected area whatever the exposure; a power of two.
+        balance: f32,
     }
 }
 

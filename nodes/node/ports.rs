@@ -104,6 +104,13 @@ impl<T> All<T> {
     }
 }
 
+impl<T: Send + Sync + 'static> All<T> {
+    /// The sequence of one item.
+    pub fn one(item: Item<T>) -> Self {
+        All::new(vec![item.digest], move |_| Ok(Arc::clone(&item.value)))
+    }
+}
+
 impl<T: Data> From<Vec<Item<T>>> for All<T> {
     fn from(items: Vec<Item<T>>) -> Self {
         let digests = items.iter().map(Item::digest).collect();

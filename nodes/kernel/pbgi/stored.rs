@@ -3,7 +3,7 @@
 use super::bits;
 use super::half::Losses;
 use super::hierarchy::{Bound, Surfel, SurfelSet};
-use super::lut::Quantizer;
+use super::lut::Balanced;
 use super::stream::{Average, Finished, dimensions, fill};
 use super::topology::{Binary, Built, Octree, Topology, binary, octree};
 use super::tree::Tree;
@@ -133,11 +133,11 @@ fn finish<T: Topology>(
             (rows, Vec::new(), live)
         }
         Some(lut) => {
-            let quantizer = Quantizer::new(&lut.entries, dimensions(bands))?;
+            let table = Balanced::new(&lut.entries, dimensions(bands), lut.balance)?;
             let mut places = vec![0_u32; inner];
             // Neighbours in the walk are alike: the last answer is a good guess.
             let place = |hint: &mut u32, done: Finished, row: &mut [u32]| {
-                *hint = quantizer.nearest(done.vector, *hint);
+                *hint = table.nearest(done.vector, *hint);
                 row[0] = *hint;
             };
             let live = fill(topology, leaf, bands, recipe.average, &mut places, place);
@@ -347,10 +347,48 @@ mod tests {
     }
 
     #[test]
+    fn energy_does_not_grow_with_bounces_between_nearly_white_walls() {
+        // Light on every other surfel, so that vectors are uneven.
+        let mut lit = furnace(1.0, Vec3::ZERO, 1500);
+        let count = lit.position.len();
+        lit.radiance = (0..count).map(|i| Vec3::splat((i % 2 * 2) as f32)).collect();
+        let albedo = 0.99;
+        let receiver = |i: usize| {
+            let (place, normal) = (lit.position[i], lit.normal[i]);
+            Receiver::diffuse(place, normal, normal, Vec3::splat(albedo))
+        };
+        let receivers: Vec<Receiver> = (0..count).map(receiver).collect();
+        let energy = |lit: &RadiantSurfels| {
+            let sent = |i: usize| f64::from(lit.radiance[i].x) * f64::from(lit.area[i]);
+            (0..count).map(sent).sum::<f64>()
+        };
+        let recipe =
+            Recipe { shape: Shape::Binary, average: Average::Area, format: Format::A, bands: 3 };
+        let buffer = MicroBuffer::new(Cells::Cube, 8);
+        let first = energy(&lit);
+        let mut before = first;
+        for bounce in 1..=20 {
+            let (tree, _) = build(&lit, recipe, None).unwrap();
+            let scales = scales(&tree).unwrap();
+            let hierarchy = as_binary(&tree, &scales);
+            let (settings, background) = (Settings::default(), |_| Vec3::ZERO);
+            let gather = Gather { hierarchy: &hierarchy, buffer: &buffer, settings, background };
+            let (gathered, _) = gather.all(&receivers, |_, _| Ok::<(), Error>(())).unwrap();
+            lit.radiance = gathered.iter().map(|g| g.radiance).collect();
+            let now = energy(&lit);
+            assert!(now <= before, "bounce {bounce}: {before} grows to {now}");
+            before = now;
+        }
+        let expected = f64::from(albedo).powi(20);
+        assert!((before / first / expected - 1.0).abs() < 0.1, "{} {expected}", before / first);
+    }
+
+    #[test]
     fn size_and_place_of_the_scene_do_not_matter() {
         let recipe =
             Recipe { shape: Shape::Binary, average: Average::Area, format: Format::A, bands: 3 };
-        for (side, center) in [(1e-6, Vec3::ZERO), (1e6, Vec3::ZERO), (1.0, Vec3::splat(1000.0))] {
+        let far = [(1.0, Vec3::splat(1000.0)), (1000.0, Vec3::splat(1e6))];
+        for (side, center) in [(1e-6, Vec3::ZERO), (1e6, Vec3::ZERO)].into_iter().chain(far) {
             let found = fullness(side, center, recipe).unwrap();
             assert!((found - 1.0).abs() < 0.02, "{side} {center} {found}");
         }

@@ -1,6 +1,6 @@
 //! What quantization loses (Buchholz and Boubekeur 2012, figure 4).
 
-use super::Quantizer;
+use super::Balanced;
 use rayon::prelude::*;
 
 /// Vectors of one partial sum.
@@ -17,12 +17,18 @@ pub struct Errors {
     pub largest: f64,
 }
 
-/// The errors of `vectors` under a table of `entries`, both of `dims` numbers each; zero where there are no vectors.
+/// The errors of `vectors` under a table of `entries`, both of `dims` numbers each, when colours are multiplied by `balance` to find the
+/// nearest; zero where there are no vectors.
 ///
 /// # Errors
-/// Those of [`Quantizer::new`].
-pub fn errors(vectors: &[f32], entries: &[f32], dims: usize) -> Result<Errors, crate::node::Error> {
-    let table = Quantizer::new(entries, dims)?;
+/// Those of [`Balanced::new`].
+pub fn errors(
+    vectors: &[f32],
+    entries: &[f32],
+    dims: usize,
+    balance: f32,
+) -> Result<Errors, crate::node::Error> {
+    let table = Balanced::new(entries, dims, balance)?;
     let of_chunk = |chunk: &[f32]| {
         let mut sums = Errors::default();
         let mut nearest = 0;
@@ -57,9 +63,9 @@ mod tests {
 
     #[test]
     fn errors_by_hand() {
-        let found = errors(&[3.0, 4.0, 10.0, 10.0], &[0.0, 0.0, 10.0, 10.0], 2).unwrap();
+        let found = errors(&[3.0, 4.0, 10.0, 10.0], &[0.0, 0.0, 10.0, 10.0], 2, 1.0).unwrap();
         assert_eq!(found, Errors { l1: 1.75, l2: 2.5, largest: 5.0 });
-        assert_eq!(errors(&[], &[1.0], 1).unwrap(), Errors::default());
-        assert!(errors(&[1.0], &[], 1).is_err());
+        assert_eq!(errors(&[], &[1.0], 1, 1.0).unwrap(), Errors::default());
+        assert!(errors(&[1.0], &[], 1, 1.0).is_err());
     }
 }

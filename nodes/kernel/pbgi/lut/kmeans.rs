@@ -373,7 +373,7 @@ mod tests {
                 let drawn = build(&vectors, 27, &KMeans { iterations: 0, ..settings });
                 assert!(drawn.inertia.is_empty() && drawn.entries.len() == lut.entries.len());
                 let [before, after] =
-                    [&drawn, &lut].map(|lut| errors(&vectors, &lut.entries, 27).unwrap());
+                    [&drawn, &lut].map(|lut| errors(&vectors, &lut.entries, 27, 1.0).unwrap());
                 assert!(after.l2 < 0.9 * before.l2, "{before:?} {after:?}");
             }
         }
@@ -385,7 +385,7 @@ mod tests {
         vectors[..2000 * 3].iter_mut().for_each(|x| *x = 0.1 * *x + 5.0);
         let bright = |weighting| {
             let lut = build(&vectors, 3, &KMeans { weighting, seed: 2, ..all(50) });
-            errors(&vectors[..2000 * 3], &lut.entries, 3).unwrap().l2
+            errors(&vectors[..2000 * 3], &lut.entries, 3, 1.0).unwrap().l2
         };
         assert!(bright(Weighting::Luminance) < bright(Weighting::None));
         assert!(
@@ -402,7 +402,7 @@ mod tests {
             for wanted in [500, 501, 100_000] {
                 let lut = build(&vectors, 27, &KMeans { seeding, ..all(wanted) });
                 assert_eq!(lut.entries.len(), 500 * 27);
-                assert_eq!(errors(&vectors, &lut.entries, 27).unwrap().largest, 0.0);
+                assert_eq!(errors(&vectors, &lut.entries, 27, 1.0).unwrap().largest, 0.0);
             }
         }
     }

@@ -3,6 +3,7 @@
 //! [`Lut::build`] trains a table, [`Quantizer`] finds the nearest entry exactly, [`errors`] says what a table loses. All three give
 //! the same bits for any number of threads and any instruction set.
 
+mod balance;
 mod distinct;
 mod errors;
 #[cfg(test)]
@@ -13,6 +14,7 @@ mod nearest;
 mod neighbours;
 mod seeding;
 
+pub use balance::{Balanced, balance, balanced};
 pub use errors::{Errors, errors};
 pub use kmeans::{KMeans, Lut, Seeding, Weighting};
 pub use nearest::{DIMS, Quantizer};

@@ -214,8 +214,8 @@ impl Growing {
 #[cfg(test)]
 mod tests {
     use super::super::super::fixtures::{ball, cloud};
-    use super::super::tests_of_shapes::check;
     use super::super::super::hierarchy::Surfel;
+    use super::super::tests_of_shapes::check;
     use super::*;
     use glam::Vec3;
 

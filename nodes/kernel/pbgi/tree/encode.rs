@@ -104,7 +104,7 @@ pub fn encode<T: Topology>(
 }
 
 /// Area of all surfels below each inner node.
-fn areas<T: Topology>(topology: &T, leaf: impl Fn(usize) -> Surfel) -> Vec<f32> {
+pub fn areas<T: Topology>(topology: &T, leaf: impl Fn(usize) -> Surfel) -> Vec<f32> {
     let mut areas = vec![0.0; topology.inner()];
     let mut sums = Folded {
         leaf: |k: usize| f64::from(leaf(k).area),
