@@ -2,7 +2,9 @@
 
 use glam::Vec3;
 
-/// A disc of surface that sends light.
+/// A disc of surface that sends light from its front. Its back is not seen and hides nothing: surfels cover closed solids or
+/// both sides of sheets, so that before every back there is a front. In a cell that sees a thin solid aslant, its backs would
+/// take the place of fronts farther on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surfel {
     /// Its centre, world space.
@@ -59,14 +61,4 @@ pub trait Hierarchy: Sync {
     fn children(&self, node: Self::Node, visit: impl FnMut(Self::Node));
     /// What an inner node sends towards the unit vector `direction`, which points away from it; nothing for a leaf.
     fn sent(&self, node: Self::Node, direction: Vec3) -> Sent;
-    /// The area of [`Hierarchy::sent`] alone, which can cost less.
-    fn area(&self, node: Self::Node, direction: Vec3) -> f32 {
-        self.sent(node, direction).area
-    }
-    /// Whether the backs of surfels, which are black, hide what is behind them. They must not where
-    /// surfels cover closed solids or both sides of sheets: there a front is before every back, and in a
-    /// cell that sees a thin solid aslant, its backs would take the place of fronts farther on.
-    fn backs_block(&self) -> bool {
-        true
-    }
 }

@@ -7,7 +7,7 @@ use super::lut::Quantizer;
 use super::stream::{Average, Finished, dimensions, fill};
 use super::topology::{Binary, Built, Octree, Topology, binary, octree};
 use super::tree::Tree;
-use super::tree::encode::{Precision, StoredLooks, StoredPlaces, StoredSpheres, encode};
+use super::tree::encode::{StoredLooks, StoredPlaces, StoredSpheres, encode};
 use super::tree::looks::{Format, Scales};
 use super::tree::spheres::Spheres;
 use super::tree::vectors::{Indices, Vectors};
@@ -124,7 +124,7 @@ fn finish<T: Topology>(
             (lut.entries.to_vec(), bits::pack(places.into_iter(), bits::width(entries)), live)
         }
     };
-    let stored = encode(built, surfels, scales, recipe.format, Precision::Fine);
+    let stored = encode(built, surfels, scales, recipe.format);
     let (first, counts) = links(topology);
     let count = rows.len() / dimensions(bands);
     let mut tree = PbgiTree {
@@ -155,9 +155,6 @@ fn finish<T: Topology>(
         indices: indices.into(),
     };
     match stored.spheres {
-        StoredSpheres::Full(..) => {
-            return Err(Error::invalid("trees are not stored in full precision"));
-        }
         StoredSpheres::Fine(codes, areas) => (tree.fine, tree.areas) = (codes.into(), areas.into()),
         StoredSpheres::Coarse(codes, areas, scale) => {
             (tree.coarse, tree.coarse_areas, tree.area_scale) = (codes.into(), areas.into(), scale);

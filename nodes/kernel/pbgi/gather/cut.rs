@@ -6,7 +6,7 @@ use super::fragments::Fragments;
 use super::frame::Frame;
 use super::{Settings, Work};
 use crate::kernel::element::Receiver;
-use crate::kernel::pbgi::hierarchy::{Bound, Entry, Hierarchy, Surfel};
+use crate::kernel::pbgi::hierarchy::{Bound, Entry, Hierarchy, Sent, Surfel};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -127,17 +127,9 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
         }
         work.splatted += 1;
         let towards = to / distance;
-        let sent = self.hierarchy.sent(node, -towards);
-        // What faces away blocks as well, but behind the front of something solid, which has as much of both, it adds
-        // nothing: the larger of the two is taken.
-        let back = match self.hierarchy.backs_block() {
-            true => self.hierarchy.area(node, towards),
-            false => 0.0,
-        };
-        let area = sent.area.max(back);
+        let Sent { radiance, area } = self.hierarchy.sent(node, -towards);
         if area > 0.0 {
             let squared = distance * distance;
-            let radiance = sent.radiance * (sent.area / area);
             let outline = PI * bound.radius * bound.radius / squared;
             let covered = area / squared;
             self.splat(Seen { direction, distance, outline, covered, radiance }, fragments);
@@ -155,7 +147,7 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
             return;
         }
         let cosine = -surfel.normal.dot(to);
-        if cosine <= 0.0 && !self.hierarchy.backs_block() {
+        if cosine <= 0.0 {
             return;
         }
         let squared = to.length_squared();
@@ -175,9 +167,9 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
         } else if self.rises(direction, to, distance) {
             work.splatted += 1;
             let cosine = cosine / distance;
-            let radiance = if cosine > 0.0 { surfel.radiance } else { Vec3::ZERO };
+            let radiance = surfel.radiance;
             let outline = PI * radius / squared;
-            let covered = surfel.area * cosine.abs() / squared;
+            let covered = surfel.area * cosine / squared;
             self.splat(Seen { direction, distance, outline, covered, radiance }, fragments);
         }
     }

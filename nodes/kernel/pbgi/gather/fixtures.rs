@@ -114,13 +114,6 @@ impl Hierarchy for Tree {
         self.nodes[node as usize].children.into_iter().for_each(visit);
     }
 
-    fn area(&self, node: u32, direction: Vec3) -> f32 {
-        match self.answers {
-            Answers::Harmonics => self.sums[node as usize][3].at(direction),
-            Answers::Exact => self.sent(node, direction).area,
-        }
-    }
-
     fn sent(&self, node: u32, direction: Vec3) -> Sent {
         let sums = &self.sums[node as usize];
         let node = &self.nodes[node as usize];
@@ -232,7 +225,7 @@ pub fn gather<H: Hierarchy>(tree: &H, receiver: &Receiver, buffer: &MicroBuffer)
     gather.one(receiver, &mut Scratch::default(), &mut Work::default())
 }
 
-/// What a diffuse receiver gathers from opaque discs before black, by `side` x `side` cosine-weighted rays.
+/// What a diffuse receiver gathers from discs with an opaque front and an invisible back before black, by `side` x `side` cosine-weighted rays.
 pub fn cast(surfels: &[Surfel], receiver: &Receiver, side: u32) -> Vec3 {
     let tangent = receiver.normal.any_orthonormal_vector();
     let bitangent = receiver.normal.cross(tangent);
@@ -247,8 +240,8 @@ pub fn cast(surfels: &[Surfel], receiver: &Receiver, side: u32) -> Vec3 {
             let to = surfel.position - receiver.position;
             let slope = surfel.normal.dot(d);
             let t = surfel.normal.dot(to) / slope;
-            if t > 1e-4 && t < nearest.0 && (d * t - to).length() <= surfel.radius {
-                nearest = (t, if slope < 0.0 { surfel.radiance } else { Vec3::ZERO });
+            if slope < 0.0 && t > 1e-4 && t < nearest.0 && (d * t - to).length() <= surfel.radius {
+                nearest = (t, surfel.radiance);
             }
         }
         sum += nearest.1;

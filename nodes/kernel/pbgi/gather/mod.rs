@@ -2,7 +2,7 @@
 //! of its own (Christensen 2008; Buchholz and Boubekeur 2012, section 1.1).
 //!
 //! Down the page: [`MicroBuffer`] (the cells) <- `fragments` (depth) <- `disc` (large leaves) <- `cut` (the walk) <-
-//! [`Gather`]. The front of a surfel sends its radiance; its back is black and blocks.
+//! [`Gather`]. The front of a surfel sends its radiance; its back is not seen.
 
 mod buffer;
 mod cut;

@@ -116,17 +116,19 @@ fn of_two_sheets_the_nearer_is_seen() {
 }
 
 #[test]
-fn backs_are_black_and_block() {
+fn backs_are_not_seen_and_hide_nothing() {
     for buffer in buffers() {
-        let shade: Vec<Surfel> = ceiling(1.0, 3.0, Vec3::X)
+        let turned: Vec<Surfel> = ceiling(1.0, 3.0, Vec3::X)
             .into_iter()
             .map(|s| Surfel { normal: -s.normal, ..s })
             .collect();
-        let found = floor([shade, ceiling(1.5, 1.0, Vec3::Y)].concat(), &buffer);
-        assert!(found.x == 0.0 && found.y < 0.02, "{found}");
+        let lit = ceiling(1.5, 1.0, Vec3::Y);
+        let (found, alone) = (floor([turned, lit.clone()].concat(), &buffer), floor(lit, &buffer));
+        // Another tree groups the same fronts: only its cut differs.
+        assert!(found.x == 0.0 && (found.y / alone.y - 1.0).abs() < 0.03, "{found} {alone}");
         let near = disc(Vec3::Y, Vec3::Y, 3.0, Vec3::X);
-        let hidden = disc(Vec3::Y * 2.0, Vec3::NEG_Y, 1.0, Vec3::Y);
-        assert!(floor(vec![near, hidden], &buffer).max_element() < 1e-3);
+        let behind = disc(Vec3::Y * 2.0, Vec3::NEG_Y, 1.0, Vec3::Y);
+        assert_eq!(floor(vec![near, behind], &buffer), floor(vec![behind], &buffer));
     }
 }
 
@@ -164,7 +166,7 @@ fn a_convex_surface_does_not_shadow_itself() {
 #[test]
 fn a_wall_takes_half_of_the_sky() {
     for buffer in buffers() {
-        let wall = sheet(Vec3::X, [Vec3::Y * 100.0, Vec3::Z * 100.0], 300, Vec3::ZERO, 0.2);
+        let wall = sheet(Vec3::X, [Vec3::Z * 100.0, Vec3::Y * 100.0], 300, Vec3::ZERO, 0.2);
         let found = gather(&exact(wall), &white(Vec3::X * 0.95, Vec3::Y), &buffer);
         assert!((found.open - 0.5).abs() < 0.04, "{found:?}");
         let away = Vec3::new(-4.0, 2.0 * PI, 0.0).normalize();

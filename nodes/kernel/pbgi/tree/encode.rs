@@ -28,8 +28,6 @@ pub struct Stored {
 /// Owned arrays behind [`Spheres`].
 #[derive(Clone, Debug, PartialEq)]
 pub enum StoredSpheres {
-    /// As [`Spheres::Full`].
-    Full(Vec<[f32; 4]>, Vec<f32>),
     /// As [`Spheres::Fine`].
     Fine(Vec<[u16; 4]>, Vec<f32>),
     /// As [`Spheres::Coarse`].
@@ -54,16 +52,6 @@ pub enum StoredLooks {
     Lean(Vec<[u8; 8]>),
 }
 
-/// How spheres of inner nodes are stored in a tree whose leaves have format A.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Precision {
-    /// 20 bytes with the area.
-    Full,
-    /// 12 bytes with the area, as the paper counts. Formats B and C always have their own.
-    #[default]
-    Fine,
-}
-
 /// Encodes a tree that was built over `surfels`, which [`Scales::round`] has rounded. A walk from the root finds each disc, as it is
 /// decoded, within all spheres above it.
 pub fn encode<T: Topology>(
@@ -71,7 +59,6 @@ pub fn encode<T: Topology>(
     surfels: &[Surfel],
     scales: Scales,
     format: Format,
-    precision: Precision,
 ) -> Stored {
     let topology = &built.topology;
     let leaf = |k: usize| &surfels[built.order[k] as usize];
@@ -96,21 +83,17 @@ pub fn encode<T: Topology>(
     let root = root(built, surfels);
     let fine =
         |codes: Vec<[u32; 4]>| codes.into_iter().map(|code| code.map(|c| c as u16)).collect();
-    let world = || StoredPlaces::World(leaves.clone().map(|k| leaf(k).position).collect());
-    let (root, spheres, places) = match (format, precision) {
-        (Format::A, Precision::Full) => {
-            let exact = |b: &Bound| [b.center.x, b.center.y, b.center.z, b.radius];
-            (root, StoredSpheres::Full(built.bounds.iter().map(exact).collect(), areas), world())
-        }
-        (Format::A, Precision::Fine) => {
+    let (root, spheres, places) = match format {
+        Format::A => {
             let codes = spheres::encode(topology, root, |i| built.bounds[i], FINE, |_, _| ());
-            (root, StoredSpheres::Fine(fine(codes), areas), world())
+            let world = leaves.map(|k| leaf(k).position).collect();
+            (root, StoredSpheres::Fine(fine(codes), areas), StoredPlaces::World(world))
         }
-        (Format::B, _) => {
+        Format::B => {
             let (codes, places, root) = relative(built, surfels, root, FINE);
             (root, StoredSpheres::Fine(fine(codes), areas), StoredPlaces::Parent(places))
         }
-        (Format::C, _) => {
+        Format::C => {
             let (codes, places, root) = relative(built, surfels, root, COARSE);
             let codes = codes.into_iter().map(|code| code.map(|c| c as u8)).collect();
             let scale = half::scale(areas.iter().copied().fold(0.0, f32::max));
@@ -214,7 +197,6 @@ impl Stored {
     /// The tree over these arrays, its shape and its vectors.
     pub fn tree<'a, T: Topology>(&'a self, topology: T, vectors: Vectors<'a>) -> Tree<'a, T> {
         let spheres = match &self.spheres {
-            StoredSpheres::Full(exact, areas) => Spheres::Full(exact, areas),
             StoredSpheres::Fine(codes, areas) => Spheres::Fine(codes, areas),
             StoredSpheres::Coarse(codes, areas, scale) => Spheres::Coarse(codes, areas, *scale),
         };

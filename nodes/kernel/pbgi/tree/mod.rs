@@ -87,11 +87,6 @@ pub struct Place<N> {
 impl<T: Topology> Hierarchy for Tree<'_, T> {
     type Node = Place<T::Node>;
 
-    // Surfels cover closed solids, or both sides of what is open: before any back there is a front.
-    fn backs_block(&self) -> bool {
-        false
-    }
-
     fn root(&self) -> Option<Self::Node> {
         Some(Place { node: self.topology.root()?, bound: self.root })
     }
@@ -123,14 +118,6 @@ impl<T: Topology> Hierarchy for Tree<'_, T> {
                 let (radiance, share) = self.vectors.sent(i, direction);
                 Sent { radiance, area: share * self.spheres.area(i) }
             }
-        }
-    }
-
-    #[inline]
-    fn area(&self, place: Self::Node, direction: Vec3) -> f32 {
-        match self.topology.part(place.node) {
-            Part::Leaf(_) => 0.0,
-            Part::Inner(i) => self.vectors.share(i, direction) * self.spheres.area(i),
         }
     }
 }

@@ -9,8 +9,6 @@ use glam::Vec3;
 /// Spheres and areas by the number of their inner node.
 #[derive(Clone, Copy, Debug)]
 pub enum Spheres<'a> {
-    /// Centre and radius, 16 bytes, exact; area 4 bytes.
-    Full(&'a [[f32; 4]], &'a [f32]),
     /// Three coordinates of the centre and the radius relative to the parent's sphere, 16 bits each; area 4 bytes: the 12 bytes that the paper
     /// counts for a node (its Table 1). The centre is within 2.7e-5 of the parent's radius.
     Fine(&'a [[u16; 4]], &'a [f32]),
@@ -24,10 +22,6 @@ impl Spheres<'_> {
     #[inline(always)]
     pub fn sphere(&self, i: usize, parent: Bound) -> Bound {
         match self {
-            Spheres::Full(exact, _) => {
-                let [x, y, z, radius] = exact[i];
-                Bound { center: Vec3::new(x, y, z), radius }
-            }
             Spheres::Fine(codes, _) => FINE.decode(codes[i].map(u32::from), parent),
             Spheres::Coarse(codes, ..) => COARSE.decode(codes[i].map(u32::from), parent),
         }
@@ -37,7 +31,7 @@ impl Spheres<'_> {
     #[inline(always)]
     pub fn area(&self, i: usize) -> f32 {
         match self {
-            Spheres::Full(_, areas) | Spheres::Fine(_, areas) => areas[i],
+            Spheres::Fine(_, areas) => areas[i],
             Spheres::Coarse(_, areas, scale) => super::super::half::decode(areas[i]) / scale,
         }
     }

@@ -5,17 +5,12 @@ use super::super::fixtures::{ball, cloud, unit_vectors};
 use super::super::harmonics::{basis, cosine, dot, with_functions};
 use super::super::stream::{Average, dimensions, fill};
 use super::super::topology::{Built, binary, octree};
-use super::encode::{Precision, Stored, StoredLooks, StoredPlaces, StoredSpheres, encode};
+use super::encode::{Stored, StoredLooks, StoredPlaces, StoredSpheres, encode};
 use super::looks::Format;
 use super::vectors::Indices;
 use super::*;
 
-const ALL: [(Format, Precision); 4] = [
-    (Format::A, Precision::Full),
-    (Format::A, Precision::Fine),
-    (Format::B, Precision::Fine),
-    (Format::C, Precision::Fine),
-];
+const ALL: [Format; 3] = [Format::A, Format::B, Format::C];
 
 fn rounded(format: Format, surfels: &[Surfel]) -> (Vec<Surfel>, Scales) {
     let (mut surfels, scales) = (surfels.to_vec(), Scales::fit(format, surfels));
@@ -72,17 +67,17 @@ fn every_format_holds_its_surfels() {
     for surfels in
         [cloud(3000, 4.0, 1), ball(3000, 2), cloud(0, 1.0, 1), cloud(1, 1.0, 1), cloud(2, 1.0, 1)]
     {
-        for (format, precision) in ALL {
+        for format in ALL {
             let (surfels, scales) = rounded(format, &surfels);
             let built = binary::build(&surfels);
             let rows = vectors(&built, &surfels, 3);
-            let stored = encode(&built, &surfels, scales.clone(), format, precision);
+            let stored = encode(&built, &surfels, scales.clone(), format);
             let tree =
                 stored.tree(built.topology, Vectors { bands: 3, rows: &rows, indices: None });
             let binary_worst = check(&tree, &built, &surfels);
             let built = octree::build(&surfels);
             let rows = vectors(&built, &surfels, 3);
-            let stored = encode(&built, &surfels, scales, format, precision);
+            let stored = encode(&built, &surfels, scales, format);
             let tree = stored
                 .tree(built.topology.clone(), Vectors { bands: 3, rows: &rows, indices: None });
             let octree_worst = check(&tree, &built, &surfels);
@@ -98,11 +93,11 @@ fn every_format_holds_its_surfels() {
 #[test]
 fn coincident_surfels_stay_at_their_place() {
     let surfels = vec![cloud(1, 1.0, 5)[0]; 2000];
-    for (format, precision) in ALL {
+    for format in ALL {
         let (surfels, scales) = rounded(format, &surfels);
         let built = binary::build(&surfels);
         let rows = vectors(&built, &surfels, 1);
-        let stored = encode(&built, &surfels, scales, format, precision);
+        let stored = encode(&built, &surfels, scales, format);
         check(
             &stored.tree(built.topology, Vectors { bands: 1, rows: &rows, indices: None }),
             &built,
@@ -115,10 +110,10 @@ fn coincident_surfels_stay_at_their_place() {
 fn far_from_the_origin_places_are_off_by_the_parent_and_by_rounding() {
     let mut surfels = cloud(2000, 40.0, 3);
     surfels.iter_mut().for_each(|s| s.position += 1e6);
-    for format in [Format::A, Format::B, Format::C] {
+    for format in ALL {
         let (surfels, scales) = rounded(format, &surfels);
         let built = binary::build(&surfels);
-        let stored = encode(&built, &surfels, scales, format, Precision::Fine);
+        let stored = encode(&built, &surfels, scales, format);
         let rows = vectors(&built, &surfels, 1);
         let tree = stored.tree(built.topology, Vectors { bands: 1, rows: &rows, indices: None });
         let mut open: Vec<_> = tree.root().into_iter().collect();
@@ -147,12 +142,11 @@ fn nodes_send_the_sum_of_their_surfels() {
         let (surfels, scales) = rounded(Format::A, &surfels);
         let built = binary::build(&surfels);
         let rows = vectors(&built, &surfels, bands);
-        let stored = encode(&built, &surfels, scales, Format::A, Precision::Full);
+        let stored = encode(&built, &surfels, scales, Format::A);
         let tree = stored.tree(built.topology, Vectors { bands, rows: &rows, indices: None });
         for direction in unit_vectors(20, 1) {
             let Some(root) = tree.root() else { panic!("a root") };
             let sent = tree.sent(root, direction);
-            assert_eq!(tree.area(root, direction), sent.area);
             let (mut flux, mut area) = (glam::DVec3::ZERO, 0.0);
             for s in &surfels {
                 let lobe = with_functions!(bands, F => {
@@ -233,11 +227,10 @@ fn a_table_of_all_vectors_changes_nothing() {
 #[test]
 fn stored_bytes_are_those_of_the_formats() {
     let surfels = cloud(100, 1.0, 2);
-    for (format, precision) in ALL {
+    for format in ALL {
         let (surfels, scales) = rounded(format, &surfels);
         let built = binary::build(&surfels);
-        let Stored { spheres, places, looks, .. } =
-            encode(&built, &surfels, scales, format, precision);
+        let Stored { spheres, places, looks, .. } = encode(&built, &surfels, scales, format);
         let place = match places {
             StoredPlaces::World(p) => size_of_val(&p[..]),
             StoredPlaces::Parent(p) => size_of_val(&p[..]),
@@ -247,7 +240,6 @@ fn stored_bytes_are_those_of_the_formats() {
             StoredLooks::Lean(l) => size_of_val(&l[..]),
         };
         let sphere = match spheres {
-            StoredSpheres::Full(s, a) => size_of_val(&s[..]) + size_of_val(&a[..]) - 8 * 99,
             StoredSpheres::Fine(s, a) => size_of_val(&s[..]) + size_of_val(&a[..]),
             StoredSpheres::Coarse(s, a, _) => size_of_val(&s[..]) + size_of_val(&a[..]),
         };
@@ -312,18 +304,18 @@ fn surfels_that_are_not_numbers_do_no_harm() {
         surfels[30].radius = bad;
         surfels[40].normal = Vec3::splat(bad);
         surfels[50].radiance.y = bad;
-        for (format, precision) in ALL {
+        for format in ALL {
             let (surfels, scales) = rounded(format, &surfels);
             let (binary, octree) = (binary::build(&surfels), octree::build(&surfels));
             let (rows, other_rows) = (vectors(&binary, &surfels, 2), vectors(&octree, &surfels, 2));
-            let stored = encode(&binary, &surfels, scales.clone(), format, precision);
+            let stored = encode(&binary, &surfels, scales.clone(), format);
             assert_eq!(
                 leaves(
                     &stored.tree(binary.topology, Vectors { bands: 2, rows: &rows, indices: None })
                 ),
                 60
             );
-            let stored = encode(&octree, &surfels, scales, format, precision);
+            let stored = encode(&octree, &surfels, scales, format);
             let all = Vectors { bands: 2, rows: &other_rows, indices: None };
             assert_eq!(leaves(&stored.tree(octree.topology, all)), 60);
         }

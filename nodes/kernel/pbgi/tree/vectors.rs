@@ -45,13 +45,6 @@ impl Vectors<'_> {
         let row = self.row(i);
         with_functions!(self.bands, F => sent::<F>(row, direction))
     }
-
-    /// The share of [`Vectors::sent`] alone.
-    #[inline(always)]
-    pub fn share(&self, i: usize, direction: Vec3) -> f32 {
-        let row = self.row(i);
-        with_functions!(self.bands, F => dot(&row[3 * F..], &basis::<F>(direction)).max(0.0))
-    }
 }
 
 #[inline(always)]
