@@ -34,6 +34,7 @@ fn main() {
     // One thread for all, so that a pair compares kernels and not numbers of threads.
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("the first pool");
     if std::env::args().any(|argument| argument == "seconds") {
+        LazyLock::force(&SHOT);
         sampled();
         quantized();
         trained();
