@@ -141,9 +141,9 @@ mod avx2 {
 
 /// Defines a function that runs `$body`, generic in its [`Lanes`] and `#[inline(always)]`, with AVX2 where the processor has it.
 macro_rules! wide {
-    ($(#[$doc:meta])* fn $name:ident($($arg:ident: $type:ty),*) $(-> $out:ty)? = $body:ident $(<$n:literal>)?) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident($($arg:ident: $type:ty),*) $(-> $out:ty)? = $body:ident $(<$n:literal>)?) => {
         $(#[$doc])*
-        fn $name($($arg: $type),*) $(-> $out)? {
+        $vis fn $name($($arg: $type),*) $(-> $out)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2")]

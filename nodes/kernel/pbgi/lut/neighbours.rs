@@ -144,7 +144,7 @@ impl List<'_> {
     fn compare_with_all(&mut self, room: &mut Room, owner: usize, centres: &Centres) {
         let x = centres.get(owner as u32, centres.dims.div_ceil(WIDTH));
         room.squares.resize(centres.count.next_multiple_of(WIDTH), 0.0);
-        squared_from_all(x, centres, &mut room.squares);
+        squared_from_all(x, centres.dims, &centres.blocked, &mut room.squares);
         nearest_first(owner, self.full, centres.count, room);
         let all = self.full == centres.count - 1;
         let last = room.order.last().map_or(f32::NEG_INFINITY, |&last| lower(last));
@@ -209,14 +209,14 @@ fn cut(squares: &[f32], full: usize, sample: &mut Vec<u32>) -> f32 {
 }
 
 wide! {
-    /// The squared distances of `x` from all centres.
-    fn squared_from_all(x: &[Eight], centres: &Centres, squares: &mut [f32]) = from_all
+    /// The squared distances of `x` from all of `blocked`, `dims` lanes an eight.
+    pub fn squared_from_all(x: &[Eight], dims: usize, blocked: &[Eight], squares: &mut [f32]) = from_all
 }
 
 #[inline(always)]
-fn from_all<L: Lanes>(x: &[Eight], centres: &Centres, squares: &mut [f32]) {
+fn from_all<L: Lanes>(x: &[Eight], dims: usize, blocked: &[Eight], squares: &mut [f32]) {
     let (squares, _) = squares.as_chunks_mut::<WIDTH>();
-    for (block, squares) in centres.blocked.chunks_exact(centres.dims).zip(squares) {
+    for (block, squares) in blocked.chunks_exact(dims).zip(squares) {
         *squares = squared_of_eight::<L>(x, block).store();
     }
 }

@@ -1,7 +1,7 @@
 //! Where k-means starts: vectors drawn at random, or spread out (k-means++, Arthur and Vassilvitskii 2007).
 
 use super::lanes::{Eight, GROUP, Lanes, WIDTH, padded, squared, wide};
-use super::neighbours::MARGIN;
+use super::neighbours::{MARGIN, squared_from_all};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
@@ -33,12 +33,15 @@ pub fn plus_plus(
 ) -> Vec<u32> {
     let vectors = Padded { all: padded(vectors, dims, scale), lanes: dims.div_ceil(WIDTH) };
     let mut groups: Vec<Group> = Vec::with_capacity(count);
+    // The seeds by eights, the last filled up with what is infinitely far.
+    let mut seeds: Vec<Eight> = Vec::with_capacity(count.div_ceil(WIDTH) * dims);
+    let mut apart = vec![0.0; count.next_multiple_of(WIDTH)];
     let (mut candidates, mut squares) = (Vec::new(), Vec::new());
     for _ in 0..count {
         let Some(seed) = draw(&groups, weights, random) else { break };
         let mut own = Group::default();
-        for group in &mut groups {
-            let [apart, ..] = squares_of_group(&vectors, seed, &[group.seed; GROUP]);
+        squared_from_all(vectors.get(seed), dims, &seeds, &mut apart);
+        for (group, &apart) in groups.iter_mut().zip(&apart) {
             if apart * (1.0 - MARGIN) > 4.0 * group.reach {
                 continue;
             }
@@ -67,6 +70,13 @@ pub fn plus_plus(
             own.members = (0..).zip(squares.iter().copied()).collect();
         }
         own.seed = seed;
+        let lane = groups.len() % WIDTH;
+        if lane == 0 {
+            seeds.resize(seeds.len() + dims, Eight([f32::INFINITY; WIDTH]));
+        }
+        let first = seeds.len() - dims;
+        let numbers = vectors.get(seed).iter().flat_map(|eight| eight.0);
+        seeds[first..].iter_mut().zip(numbers).for_each(|(seeds, x)| seeds.0[lane] = x);
         own.measure(weights);
         groups.push(own);
     }
@@ -151,16 +161,6 @@ impl Padded {
 }
 
 wide! {
-    /// The squared distances of four vectors from `seed`.
-    fn squares_of_group(vectors: &Padded, seed: u32, four: &[u32; GROUP]) -> [f32; GROUP] = group
-}
-
-#[inline(always)]
-fn group<L: Lanes>(vectors: &Padded, seed: u32, four: &[u32; GROUP]) -> [f32; GROUP] {
-    squared::<L>(vectors.get(seed), four.map(|i| vectors.get(i)))
-}
-
-wide! {
     /// The squared distances of the second of each pair from `seed`.
     fn squares_of(vectors: &Padded, seed: u32, pairs: &[(usize, u32)], squares: &mut Vec<f32>) = all
 }
@@ -168,12 +168,13 @@ wide! {
 #[inline(always)]
 fn all<L: Lanes>(vectors: &Padded, seed: u32, pairs: &[(usize, u32)], squares: &mut Vec<f32>) {
     squares.clear();
+    let x = vectors.get(seed);
     for pairs in pairs.chunks(GROUP) {
-        let mut four = [seed; GROUP];
+        let mut four = [x; GROUP];
         for (one, pair) in four.iter_mut().zip(pairs) {
-            *one = pair.1;
+            *one = vectors.get(pair.1);
         }
-        squares.extend(&group::<L>(vectors, seed, &four)[..pairs.len()]);
+        squares.extend(&squared::<L>(x, four)[..pairs.len()]);
     }
 }
 

@@ -22,6 +22,8 @@ pub struct Grid {
     /// The first of the cells around each cell (itself included) in `around`, and the end of the last.
     around_start: Vec<u32>,
     around: Vec<u32>,
+    /// Cells whose coordinates are even and odd alike: no two of a class touch.
+    pub classes: [Vec<u32>; 8],
 }
 
 impl Grid {
@@ -44,14 +46,27 @@ impl Grid {
             start.push(cell.len() as u32);
         }
         let table = Table::new(&cells);
-        let neighbours: Vec<([u32; 27], usize)> =
-            cells.par_iter().map(|&cell| table.around(cell)).collect();
+        let around_some = |cells: &[u64]| {
+            let (mut counts, mut around) = (Vec::with_capacity(cells.len()), Vec::new());
+            for &cell in cells {
+                let (found, count) = table.around(cell);
+                around.extend_from_slice(&found[..count]);
+                counts.push(count as u32);
+            }
+            (counts, around)
+        };
+        let chunks: Vec<(Vec<u32>, Vec<u32>)> = cells.par_chunks(4096).map(around_some).collect();
         let mut around_start = vec![0];
         let mut around = Vec::new();
-        for (cells, count) in &neighbours {
-            around.extend_from_slice(&cells[..*count]);
-            around_start.push(around.len() as u32);
+        for (counts, chunk) in chunks {
+            for count in counts {
+                around_start.push(around_start[around_start.len() - 1] + count);
+            }
+            around.extend(chunk);
         }
+        let mut classes: [Vec<u32>; 8] = Default::default();
+        // The lowest bits of the coordinates are those of the key.
+        (0..).zip(&cells).for_each(|(at, key)| classes[(key & 7) as usize].push(at));
         Grid {
             place: order.iter().map(|&(_, i)| places[i as usize]).collect(),
             item: order.iter().map(|&(_, i)| i).collect(),
@@ -59,6 +74,7 @@ impl Grid {
             start,
             around_start,
             around,
+            classes,
         }
     }
 
@@ -79,67 +95,42 @@ impl Grid {
 
 /// Some of the places of a grid, by cell.
 pub struct Live {
-    /// The slots of each cell, from its start in the grid; those that live are first.
-    slots: Vec<u32>,
-    /// Where those that live end.
-    end: Vec<u32>,
+    /// Their slots, ascending; a place is named by its index in this list.
+    pub slots: Vec<u32>,
+    /// The first of each cell, and the end of the last.
+    start: Vec<u32>,
 }
 
 impl Live {
-    /// None of the places.
-    pub fn none(grid: &Grid) -> Self {
-        Live { slots: vec![0; grid.place.len()], end: grid.start[..grid.start.len() - 1].to_vec() }
+    /// Those with these slots, which ascend.
+    pub fn those(grid: &Grid, slots: Vec<u32>) -> Self {
+        let mut at = 0;
+        let first = |&start: &u32| {
+            at += slots[at..].iter().take_while(|&&slot| slot < start).count();
+            at as u32
+        };
+        let start = grid.start.iter().map(first).collect();
+        Live { slots, start }
     }
 
-    /// All of them.
-    pub fn all(grid: &Grid) -> Self {
-        Live { slots: (0..grid.place.len() as u32).collect(), end: grid.start[1..].to_vec() }
+    /// The indices of those in the cells around a cell, itself included.
+    #[inline(always)]
+    pub fn around(&self, grid: &Grid, cell: u32) -> impl Iterator<Item = u32> {
+        let of_cell = |&cell: &u32| self.start[cell as usize]..self.start[cell as usize + 1];
+        grid.around(cell).iter().flat_map(of_cell)
     }
 
-    /// Adds a place that is not among them.
-    pub fn add(&mut self, grid: &Grid, slot: u32) {
-        let end = &mut self.end[grid.cell[slot as usize] as usize];
-        self.slots[*end as usize] = slot;
-        *end += 1;
-    }
-
-    /// Takes away a place if it is among them.
-    pub fn remove(&mut self, grid: &Grid, slot: u32) {
-        let cell = grid.cell[slot as usize] as usize;
-        let (start, end) = (grid.start[cell] as usize, &mut self.end[cell]);
-        let live = &mut self.slots[start..*end as usize];
-        if let Some(at) = live.iter().position(|&other| other == slot) {
-            let last = live.len() - 1;
-            live.swap(at, last);
-            *end -= 1;
-        }
-    }
-
-    /// Those of a cell.
-    #[inline]
-    pub fn of(&self, grid: &Grid, cell: u32) -> &[u32] {
-        &self.slots[grid.start[cell as usize] as usize..self.end[cell as usize] as usize]
-    }
-
-    /// Calls `visit` with all that `slot` sees, except itself, and the distance of each, in a fixed order.
+    /// Calls `visit` with all that the place at `slot` sees, except itself, and the distance of each, in a fixed order.
     #[inline(always)]
     pub fn near(&self, grid: &Grid, slot: u32, mut visit: impl FnMut(u32, f32)) {
-        for &cell in grid.around(grid.cell[slot as usize]) {
-            for &other in self.of(grid, cell) {
-                if let Some(distance) = grid.distance(slot, other)
-                    && other != slot
-                {
-                    visit(other, distance);
-                }
+        for at in self.around(grid, grid.cell[slot as usize]) {
+            let other = self.slots[at as usize];
+            if let Some(distance) = grid.distance(slot, other)
+                && other != slot
+            {
+                visit(at, distance);
             }
         }
-    }
-
-    /// Whether `slot`, which is not among them, sees one nearer than `distance`.
-    #[inline(always)]
-    pub fn any_within(&self, grid: &Grid, slot: u32, distance: f32) -> bool {
-        let near = |&other: &u32| grid.distance(slot, other).is_some_and(|d| d < distance);
-        grid.around(grid.cell[slot as usize]).iter().any(|&c| self.of(grid, c).iter().any(near))
     }
 }
 
@@ -234,10 +225,12 @@ mod tests {
         };
         let places: Vec<Place> = (0..500).map(place).collect();
         let grid = Grid::new(places.clone());
-        let all = Live::all(&grid);
+        let all = Live::those(&grid, (0..500).collect());
         for slot in 0..500 {
             let mut found = Vec::new();
-            all.near(&grid, slot, |i, distance| found.push((grid.item[i as usize], distance)));
+            all.near(&grid, slot, |at, distance| {
+                found.push((grid.item[all.slots[at as usize] as usize], distance));
+            });
             found.sort_by_key(|f| f.0);
             let own = grid.item[slot as usize];
             let of = &places[own as usize];
@@ -253,18 +246,33 @@ mod tests {
     }
 
     #[test]
-    fn what_is_added_lives_until_it_is_removed() {
+    fn only_those_that_live_are_seen() {
         let at = |x: f32| Place { position: Vec3::new(x, 0.0, 0.0), normal: Vec3::Y };
-        let grid = Grid::new([0.1, 0.2, 0.3, 1.1].map(at).into());
-        let mut live = Live::none(&grid);
-        (0..4).for_each(|slot| live.add(&grid, slot));
-        live.remove(&grid, 0);
-        live.remove(&grid, 0);
-        let mut seen = Vec::new();
-        live.near(&grid, 1, |other, _| seen.push(other));
-        seen.sort_unstable();
-        assert_eq!(seen, [2, 3]);
-        assert!(live.any_within(&grid, 0, 0.15) && !live.any_within(&grid, 0, 0.05));
+        let grid = Grid::new([0.1, 0.2, 0.3, 1.1, 5.0].map(at).into());
+        let live = Live::those(&grid, vec![1, 2, 3, 4]);
+        for (slot, expected) in [(0, &[1, 2][..]), (1, &[2, 3]), (3, &[1, 2]), (4, &[])] {
+            let mut seen = Vec::new();
+            live.near(&grid, slot, |other, _| seen.push(live.slots[other as usize]));
+            seen.sort_unstable();
+            assert_eq!(seen, expected);
+        }
+    }
+
+    #[test]
+    fn cells_of_a_class_do_not_touch() {
+        let place = |i: u32| {
+            let [x, y, z, _] = crate::kernel::surface_sampling::uniform(i, 1, 3);
+            Place { position: Vec3::new(x, y, z) * 7.0, normal: Vec3::X }
+        };
+        let grid = Grid::new((0..3000).map(place).collect());
+        let cells: usize = grid.classes.iter().map(Vec::len).sum();
+        assert_eq!([cells, grid.start.len() - 1], [343; 2]);
+        for class in &grid.classes {
+            for &cell in class {
+                let touching = grid.around(cell).iter().filter(|other| class.contains(other));
+                assert!(touching.eq(&[cell]), "only itself");
+            }
+        }
     }
 
     #[test]
@@ -281,7 +289,7 @@ mod tests {
     fn long_and_thin_is_not_too_long() {
         let at = |x: f32| Place { position: Vec3::new(x, 0.0, 0.0), normal: Vec3::Y };
         let grid = Grid::new([0.0, 0.5, 1e7, 1e7 + 1.0].map(at).into());
-        let all = Live::all(&grid);
+        let all = Live::those(&grid, (0..4).collect());
         let mut seen = 0;
         (0..4).for_each(|slot| all.near(&grid, slot, |_, _| seen += 1));
         assert_eq!((seen, Grid::new(Vec::new()).place.len()), (2, 0));

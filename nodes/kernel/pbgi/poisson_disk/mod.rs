@@ -47,11 +47,17 @@ pub fn sample(
     let points = surface_sampling::sample(&areas, wanted.saturating_mul(CANDIDATES), seed);
     // Twice the radius of the densest packing is the length within which samples see each other.
     let reach = 2.0 * (total / (f64::from(wanted) * 2.0 * 3f64.sqrt())).sqrt();
-    let grid = Grid::new(place(&triangles, &points, reach));
+    let corners = |(t, &area): (usize, &f64)| match area > 0.0 {
+        true => triangles(t as u32).map(Vec3::as_dvec3).into_iter().reduce(DVec3::min),
+        false => None,
+    };
+    let least = areas.par_iter().enumerate().filter_map(corners);
+    let origin = least.reduce(|| DVec3::INFINITY, DVec3::min);
+    let grid = Grid::new(place(&triangles, &points, origin, reach));
     let live = elimination::eliminate(&grid, wanted as usize);
-    let (kept, apart) = spacing(&grid, &live);
-    let mut order: Vec<(u32, f32)> =
-        kept.iter().map(|&(slot, hole)| (grid.item[slot as usize], hole)).collect();
+    let (holes, apart) = spacing(&grid, &live);
+    let item = |slot: &u32| grid.item[*slot as usize];
+    let mut order: Vec<(u32, f32)> = live.slots.iter().map(item).zip(holes).collect();
     order.sort_unstable_by_key(|&(point, _)| point);
     let area = total / f64::from(wanted);
     let disc = (area / PI).sqrt();
@@ -84,6 +90,7 @@ struct Place {
 fn place(
     triangles: &(impl Fn(u32) -> [Vec3; 3] + Sync),
     points: &[surface_sampling::Point],
+    origin: DVec3,
     reach: f64,
 ) -> Vec<Place> {
     let world = |point: &surface_sampling::Point| {
@@ -91,8 +98,6 @@ fn place(
         let [u, v] = point.barycentric.as_dvec2().to_array();
         (a + (b - a) * u + (c - a) * v, (b - a).cross(c - a).normalize_or_zero())
     };
-    let origin =
-        points.par_iter().map(|point| world(point).0).reduce(|| DVec3::INFINITY, DVec3::min);
     let place = |point| {
         let (position, normal) = world(point);
         Place { position: ((position - origin) / reach).as_vec3(), normal: normal.as_vec3() }
@@ -100,37 +105,39 @@ fn place(
     points.par_iter().map(place).collect()
 }
 
-/// The live candidates, each with the distance of the farthest candidate to which it is nearest, and the least distance of two of
-/// them; both in units of the reach, the second at most 1.
-fn spacing(grid: &Grid, live: &Live) -> (Vec<(u32, f32)>, f32) {
-    let nearest: Vec<(u32, f32)> = (0..grid.place.len() as u32)
-        .into_par_iter()
-        .map(|slot| {
-            let mut nearest = (slot, 1.0);
-            live.near(grid, slot, |other, distance| {
-                if distance < nearest.1 {
+/// For each live candidate the distance of the farthest candidate to which it is nearest, and the least distance of two of them; both
+/// in units of the reach, the second at most 1.
+fn spacing(grid: &Grid, live: &Live) -> (Vec<f32>, f32) {
+    let of_cell = |cell: u32| {
+        // Looked up once for all candidates of the cell.
+        let around: Vec<u32> = live.around(grid, cell).collect();
+        let nearest = move |slot: u32| {
+            let mut nearest = (u32::MAX, 1.0);
+            for &other in &around {
+                if live.slots[other as usize] != slot
+                    && let Some(distance) = grid.distance(slot, live.slots[other as usize])
+                    && distance < nearest.1
+                {
                     nearest = (other, distance);
                 }
-            });
+            }
             nearest
-        })
-        .collect();
-    let mut hole = vec![0f32; nearest.len()];
-    let mut kept: Vec<(u32, f32)> = (0..grid.start.len() as u32 - 1)
-        .flat_map(|cell| live.of(grid, cell))
-        .map(|&slot| (slot, 0.0))
-        .collect();
-    let apart = kept.iter().map(|kept| nearest[kept.0 as usize].1).fold(1.0, f32::min);
-    let mut dropped = vec![true; nearest.len()];
-    kept.iter().for_each(|kept| dropped[kept.0 as usize] = false);
-    for (at, &(other, distance)) in nearest.iter().enumerate() {
-        if dropped[at] && other as usize != at {
-            let hole = &mut hole[other as usize];
+        };
+        (grid.start[cell as usize]..grid.start[cell as usize + 1]).map(nearest)
+    };
+    let cells = 0..grid.start.len() as u32 - 1;
+    let nearest: Vec<(u32, f32)> = cells.into_par_iter().flat_map_iter(of_cell).collect();
+    let mut holes = vec![0f32; live.slots.len()];
+    let mut apart = 1.0f32;
+    let mut own = live.slots.iter().peekable();
+    for (slot, &(other, distance)) in (0..).zip(&nearest) {
+        if own.next_if(|&&own| own == slot).is_some() {
+            apart = apart.min(distance);
+        } else if let Some(hole) = holes.get_mut(other as usize) {
             *hole = hole.max(distance);
         }
     }
-    kept.iter_mut().for_each(|kept| kept.1 = hole[kept.0 as usize]);
-    (kept, apart)
+    (holes, apart)
 }
 
 #[cfg(test)]
@@ -188,7 +195,8 @@ mod tests {
     #[test]
     fn discs_leave_no_holes() {
         let triangles = square(0.0, 1.0, true);
-        let samples = of(&triangles, 2000, 3);
+        // Enough to be eliminated in several blocks.
+        let samples = of(&triangles, 6000, 3);
         let places = places(&triangles, &samples);
         let open = (0..20_000)
             .map(|i| surface_sampling::uniform(i, 5, 9))
@@ -212,6 +220,16 @@ mod tests {
         let one_sheet = least_distance(&places[..below]);
         assert!(one_sheet > 1.7 * samples.radius, "{one_sheet}");
         assert!(least_distance(&places) < 0.5 * one_sheet, "the sides do not see each other");
+    }
+
+    #[test]
+    fn layers_at_one_place_are_sampled_as_one_sheet() {
+        let triangles = [square(0.0, 1.0, true); 10].concat();
+        let samples = of(&triangles, 2000, 1);
+        assert_eq!(samples.triangle.len(), 2000);
+        let densest = 2.0 * (1.0 / (2000.0 * 2.0 * 3f32.sqrt())).sqrt();
+        let apart = least_distance(&places(&triangles, &samples)) / densest;
+        assert!(apart > 0.45, "{apart} of the densest packing of one sheet");
     }
 
     #[test]
