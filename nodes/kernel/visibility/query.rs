@@ -48,7 +48,8 @@ impl<S: Sink> Instances<'_, S> {
     #[inline(always)]
     fn trace<L: Lanes>(mut self) -> S {
         let (world, ray) = (self.world, self.ray);
-        single::walk::<L>(&world.nodes, world.root, &ray, ray.t_max, &mut self);
+        let tree = (&*world.nodes, world.root, &world.bounds);
+        single::walk::<L>(tree, &ray, ray.t_max, &mut self);
         self.sink
     }
 }
@@ -59,7 +60,15 @@ impl<S: Sink> single::Leaves for Instances<'_, S> {
         let placed = &self.world.instances[leaf as usize];
         let ray = placed.localise(&self.ray);
         let mut mesh = Mesh { placed, ray, filter: self.filter, sink: &mut self.sink };
-        single::walk::<L>(&placed.blas.nodes, 0, &ray, reach, &mut mesh)
+        let tree = (&*placed.blas.nodes, 0, &placed.blas.bounds);
+        single::walk::<L>(tree, &ray, reach, &mut mesh)
+    }
+
+    #[inline(always)]
+    fn prefetch<L: Lanes>(&self, leaf: u32) {
+        if let Some(placed) = self.world.instances.get(leaf as usize) {
+            L::prefetch(placed);
+        }
     }
 }
 
@@ -79,6 +88,13 @@ impl<S: Sink> single::Leaves for Mesh<'_, S> {
         let keep = |triangle: u32, u, v| filter(first.wrapping_add(triangle), u, v);
         let sink = &mut Numbered { first, sink: &mut *self.sink };
         single::leaf::<L>(&self.placed.blas, leaf, &self.ray, reach, &keep, sink)
+    }
+
+    #[inline(always)]
+    fn prefetch<L: Lanes>(&self, leaf: u32) {
+        if let Some(leaf) = self.placed.blas.leaves.get(leaf as usize) {
+            L::prefetch(leaf);
+        }
     }
 }
 
