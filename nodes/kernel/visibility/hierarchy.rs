@@ -75,27 +75,51 @@ impl Node {
         padding: [0; 7],
     };
 
-    /// The children's boxes relative to `origin`, grown by what the triangle test may err (`extra` more).
+    /// The children's boxes relative to an origin, grown.
     #[inline(always)]
-    pub(super) fn boxes<L: Lanes>(&self, origin: [L; 3], extra: L) -> Boxes<L> {
-        let low = [
-            L::load(&self.low[0]).sub(origin[0]),
-            L::load(&self.low[1]).sub(origin[1]),
-            L::load(&self.low[2]).sub(origin[2]),
-        ];
-        let high = [
-            L::load(&self.high[0]).sub(origin[0]),
-            L::load(&self.high[1]).sub(origin[1]),
-            L::load(&self.high[2]).sub(origin[2]),
-        ];
-        let zero = L::splat(0.0);
-        let reach = zero.sub(low[0].min(low[1]).min(low[2])).max(high[0].max(high[1]).max(high[2]));
-        let slack = reach.mul(L::splat(SLACK)).add(extra);
+    pub(super) fn boxes<L: Lanes>(&self, origin: &Grown<L>) -> Boxes<L> {
+        let (low, high) = (&self.low, &self.high);
         Boxes {
-            low: [low[0].sub(slack), low[1].sub(slack), low[2].sub(slack)],
-            high: [high[0].add(slack), high[1].add(slack), high[2].add(slack)],
+            low: [
+                L::load(&low[0]).sub(origin.low[0]),
+                L::load(&low[1]).sub(origin.low[1]),
+                L::load(&low[2]).sub(origin.low[2]),
+            ],
+            high: [
+                L::load(&high[0]).sub(origin.high[0]),
+                L::load(&high[1]).sub(origin.high[1]),
+                L::load(&high[2]).sub(origin.high[2]),
+            ],
             present: (1 << self.count) - 1,
         }
+    }
+}
+
+/// A point to which boxes are made relative, moved so that they grow by what the triangle test may err.
+pub(super) struct Grown<L> {
+    /// What is taken from boxes' low sides, and from their high sides.
+    pub(super) low: [L; 3],
+    pub(super) high: [L; 3],
+}
+
+impl<L: Lanes> Grown<L> {
+    /// For boxes within `bounds`, which all grow by what the farthest one needs: some thirty times the spacing of its
+    /// coordinates, which is less than triangles are wide, and spares every node the reckoning. Rays may start as far
+    /// as `spread` from `origin`.
+    #[inline(always)]
+    pub(super) fn new(origin: [f32; 3], spread: f32, bounds: &Bounds) -> Self {
+        let (low, high) = (bounds.low.to_array(), bounds.high.to_array());
+        let (mut reach, mut size) = (0.0f32, 0.0f32);
+        for k in 0..3 {
+            reach = reach.max(high[k] - origin[k]).max(origin[k] - low[k]);
+            size = size.max(origin[k].abs());
+        }
+        // The second term is for the rounding of the moved origin.
+        let slack = (reach + spread) * SLACK + size * f32::EPSILON;
+        let moved = |by: f32| {
+            [L::splat(origin[0] + by), L::splat(origin[1] + by), L::splat(origin[2] + by)]
+        };
+        Self { low: moved(slack), high: moved(-slack) }
     }
 }
 

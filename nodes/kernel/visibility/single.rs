@@ -1,7 +1,7 @@
 //! One ray at a time: the reference for packets, and the way of paths and photons.
 
 use super::Hit;
-use super::hierarchy::{Blas, Bounds, LEAF, Node, SLACK};
+use super::hierarchy::{Bounds, Grown, LEAF, Leaf, Node};
 use super::lanes::{Lanes, WIDTH};
 use super::stack::Stack;
 use super::triangle::{
@@ -58,7 +58,7 @@ pub(super) trait Sink {
 struct Slabs<L> {
     /// Per axis, whether boxes are entered through their low side.
     forward: [bool; 3],
-    /// The ray's origin moved so that boxes grow by what the triangle test may err: where they are entered and left.
+    /// The ray's origin as seen from where boxes are entered and left.
     enter: Three<L>,
     leave: Three<L>,
     inverse: Three<L>,
@@ -66,26 +66,19 @@ struct Slabs<L> {
 }
 
 impl<L: Lanes> Slabs<L> {
-    /// For boxes within `bounds`, which all grow by what the farthest one needs: some thirty times the spacing of its
-    /// coordinates, which is less than triangles are wide, and spares every node the reckoning.
     #[inline(always)]
     fn new(ray: &Ray, bounds: &Bounds) -> Self {
-        let (low, high) = (bounds.low.to_array(), bounds.high.to_array());
-        let (mut reach, mut size) = (0.0f32, 0.0f32);
+        let Grown { low, high } = Grown::<L>::new(ray.origin, 0.0, bounds);
+        let (mut enter, mut leave) = (low, high);
+        let forward = ray.direction.map(f32::is_sign_positive);
         for k in 0..3 {
-            reach = reach.max(high[k] - ray.origin[k]).max(ray.origin[k] - low[k]);
-            size = size.max(ray.origin[k].abs());
+            if !forward[k] {
+                (enter[k], leave[k]) = (high[k], low[k]);
+            }
         }
-        // The second term is for the rounding of the moved origin.
-        let slack = reach * SLACK + size * f32::EPSILON;
         let direction = splat::<L>(ray.direction);
         let inverse = inverse(direction, length(direction));
-        let forward = ray.direction.map(f32::is_sign_positive);
-        let moved = |sign: f32| -> Three<L> {
-            let at = |k: usize| if forward[k] { sign * slack } else { -sign * slack };
-            splat([ray.origin[0] + at(0), ray.origin[1] + at(1), ray.origin[2] + at(2)])
-        };
-        Self { forward, enter: moved(1.0), leave: moved(-1.0), inverse, t_min: L::splat(ray.t_min) }
+        Self { forward, enter, leave, inverse, t_min: L::splat(ray.t_min) }
     }
 
     /// Which boxes are met before `reach`, and where they are entered.
@@ -168,14 +161,12 @@ pub(super) fn walk<L: Lanes>(
 /// `keep(local triangle, u, v)`.
 #[inline(always)]
 pub(super) fn leaf<L: Lanes>(
-    blas: &Blas,
-    leaf: u32,
+    leaf: &Leaf,
     ray: &Ray,
     mut reach: f32,
     keep: &impl Fn(u32, f32, f32) -> bool,
     sink: &mut impl Sink,
 ) -> f32 {
-    let leaf = &blas.leaves[leaf as usize];
     let corners = corners(leaf, splat(ray.origin));
     let direction = splat(ray.direction);
     let plane = Plane::<L>::of(leaf, &corners);
