@@ -1,7 +1,7 @@
 //! Which rays are traced: those between surface points that face each other, as rows and columns need them.
 
 use crate::scenes::{Random, Scene};
-use glam::{Vec2, Vec3};
+use glam::{DAffine3, Vec2, Vec3};
 use lightloom_nodes::kernel::visibility::{Hit, World};
 
 /// Pixels that are looked at.
@@ -189,6 +189,24 @@ fn corners(scene: &Scene, mut triangle: u32) -> [Vec3; 3] {
         triangle -= mesh.len() as u32;
     }
     unreachable!("a hit is of a triangle of the scene")
+}
+
+/// Whether any triangle of the scene lies between two points, in double precision.
+pub fn blocked(scene: &Scene, from: Vec3, to: Vec3) -> bool {
+    let (o, d) = (from.as_dvec3(), to.as_dvec3() - from.as_dvec3());
+    let hits = |corners: &[Vec3; 3], to_world: &DAffine3| {
+        let [a, b, c] = corners.map(|corner| to_world.transform_point3(corner.as_dvec3()));
+        let (e, f, s) = (b - a, c - a, o - a);
+        let (p, q) = (d.cross(f), s.cross(e));
+        let det = e.dot(p);
+        let (u, v, t) = (s.dot(p) / det, d.dot(q) / det, f.dot(q) / det);
+        det != 0.0 && u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0 && t < 1.0
+    };
+    scene.places.iter().any(|(mesh, to_world)| {
+        let [x, y, z] = [0, 1, 2].map(|k| to_world.matrix3.col(k).as_dvec3());
+        let to_world = DAffine3::from_cols(x, y, z, to_world.translation.as_dvec3());
+        scene.meshes[*mesh].iter().any(|corners| hits(corners, &to_world))
+    })
 }
 
 /// Lights uniform over the area, on either side of it, sorted so that neighbours are close.
