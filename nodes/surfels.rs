@@ -50,7 +50,7 @@ crate::inputs! {
 
 impl Node for Surfels {
     const KIND: &'static str = "Surfels";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = SurfelsIn;
     type Out = data::Surfels;
 

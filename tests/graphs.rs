@@ -29,7 +29,7 @@ fn smaller(workspace: &Workspace) -> Vec<String> {
             "GatherSamples" => "count=160",
             "Photons" | "PhotonLights" => "count=500",
             "MergeLights" if !has("lights") => "total=256",
-            "Pavilion" => "detail=0.3",
+            "Pavilion" | "Meadow" => "detail=0.3",
             _ => continue,
         };
         set.push(format!("{}.{fewer}", node.name));

@@ -87,7 +87,11 @@ fn shot() -> Result<Shot, Error> {
             &|_, _| Ok(()),
         )?;
         let rows = table.entries.len() / DIMS;
-        Ok(data::Lut { entries: Array::shaped(table.entries, &[rows, DIMS]), bands: 3 })
+        Ok(data::Lut {
+            entries: Array::shaped(table.entries, &[rows, DIMS]),
+            bands: 3,
+            balance: 1.0,
+        })
     });
     let tables = tables.collect::<Result<_, Error>>()?;
     Ok(Shot { stage, surfels, vectors, tables })

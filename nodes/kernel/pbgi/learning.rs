@@ -54,9 +54,9 @@ fn chosen(areas: &[f32], count: usize) -> Vec<bool> {
     };
     let weights: Vec<f64> = areas.iter().map(weight).collect();
     let expected = |c: f64| weights.iter().map(|w| (c * w).min(1.0)).sum::<f64>();
-    // The expected number grows with c; past the inverse of the least weight it does not. Halves of exponents find it.
-    let (mut low, mut high) = (-1.0_f64, 64.0_f64);
-    for _ in 0..40 {
+    // The expected number grows with c until all are certain: the exponent of c is found by halving.
+    let (mut low, mut high) = (-64.0_f64, 64.0_f64);
+    for _ in 0..50 {
         let middle = 0.5 * (low + high);
         match expected(libm::exp2(middle)) > count as f64 {
             true => high = middle,

@@ -18,9 +18,10 @@ pub(super) struct Tree {
 
 impl Tree {
     /// The members of each leaf, in the order in which nodes refer to leaves.
-    pub(super) fn leaves(&self) -> impl Iterator<Item = &[u32]> {
-        let ends = self.starts.iter().skip(1).copied().chain([self.members.len() as u32]);
-        self.starts.iter().zip(ends).map(|(&a, b)| &self.members[a as usize..b as usize])
+    pub(super) fn leaves(&self) -> impl ExactSizeIterator<Item = &[u32]> {
+        let end = self.members.len() as u32;
+        let ends = move |leaf: usize| self.starts.get(leaf + 1).copied().unwrap_or(end) as usize;
+        (0..self.starts.len()).map(move |i| &self.members[self.starts[i] as usize..ends(i)])
     }
 }
 

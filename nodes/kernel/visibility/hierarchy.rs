@@ -2,6 +2,8 @@
 
 use super::build;
 use super::lanes::{Lanes, WIDTH};
+use super::pages::Paged;
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
 /// How much a child's box grows, as a share of its largest distance from the rays' shared point along an axis.
@@ -54,40 +56,70 @@ impl Bounds {
 
 /// Up to eight children: their boxes, axis by axis, and where they are. 256 bytes.
 #[repr(C, align(64))]
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Node {
     pub(super) low: [[f32; WIDTH]; 3],
     pub(super) high: [[f32; WIDTH]; 3],
     pub(super) child: [u32; WIDTH],
     /// Children present; they fill the first lanes.
     pub(super) count: u32,
+    pub(super) padding: [u32; 7],
 }
 
 impl Node {
-    pub(super) const EMPTY: Self =
-        Self { low: [[FAR; WIDTH]; 3], high: [[FAR; WIDTH]; 3], child: [LEAF; WIDTH], count: 0 };
+    pub(super) const EMPTY: Self = Self {
+        low: [[FAR; WIDTH]; 3],
+        high: [[FAR; WIDTH]; 3],
+        child: [LEAF; WIDTH],
+        count: 0,
+        padding: [0; 7],
+    };
 
-    /// The children's boxes relative to `origin`, grown by what the triangle test may err (`extra` more).
+    /// The children's boxes relative to an origin, grown.
     #[inline(always)]
-    pub(super) fn boxes<L: Lanes>(&self, origin: [L; 3], extra: L) -> Boxes<L> {
-        let low = [
-            L::load(&self.low[0]).sub(origin[0]),
-            L::load(&self.low[1]).sub(origin[1]),
-            L::load(&self.low[2]).sub(origin[2]),
-        ];
-        let high = [
-            L::load(&self.high[0]).sub(origin[0]),
-            L::load(&self.high[1]).sub(origin[1]),
-            L::load(&self.high[2]).sub(origin[2]),
-        ];
-        let zero = L::splat(0.0);
-        let reach = zero.sub(low[0].min(low[1]).min(low[2])).max(high[0].max(high[1]).max(high[2]));
-        let slack = reach.mul(L::splat(SLACK)).add(extra);
+    pub(super) fn boxes<L: Lanes>(&self, origin: &Grown<L>) -> Boxes<L> {
+        let (low, high) = (&self.low, &self.high);
         Boxes {
-            low: [low[0].sub(slack), low[1].sub(slack), low[2].sub(slack)],
-            high: [high[0].add(slack), high[1].add(slack), high[2].add(slack)],
+            low: [
+                L::load(&low[0]).sub(origin.low[0]),
+                L::load(&low[1]).sub(origin.low[1]),
+                L::load(&low[2]).sub(origin.low[2]),
+            ],
+            high: [
+                L::load(&high[0]).sub(origin.high[0]),
+                L::load(&high[1]).sub(origin.high[1]),
+                L::load(&high[2]).sub(origin.high[2]),
+            ],
             present: (1 << self.count) - 1,
         }
+    }
+}
+
+/// A point to which boxes are made relative, moved so that they grow by what the triangle test may err.
+pub(super) struct Grown<L> {
+    /// What is taken from boxes' low sides, and from their high sides.
+    pub(super) low: [L; 3],
+    pub(super) high: [L; 3],
+}
+
+impl<L: Lanes> Grown<L> {
+    /// For boxes within `bounds`, which all grow by what the farthest one needs: some thirty times the spacing of its
+    /// coordinates, which is less than triangles are wide, and spares every node the reckoning. Rays may start as far
+    /// as `spread` from `origin`.
+    #[inline(always)]
+    pub(super) fn new(origin: [f32; 3], spread: f32, bounds: &Bounds) -> Self {
+        let (low, high) = (bounds.low.to_array(), bounds.high.to_array());
+        let (mut reach, mut size) = (0.0f32, 0.0f32);
+        for k in 0..3 {
+            reach = reach.max(high[k] - origin[k]).max(origin[k] - low[k]);
+            size = size.max(origin[k].abs());
+        }
+        // The second term is for the rounding of the moved origin.
+        let slack = (reach + spread) * SLACK + size * f32::EPSILON;
+        let moved = |by: f32| {
+            [L::splat(origin[0] + by), L::splat(origin[1] + by), L::splat(origin[2] + by)]
+        };
+        Self { low: moved(slack), high: moved(-slack) }
     }
 }
 
@@ -106,7 +138,7 @@ pub(super) fn extra_slack(reach: f32) -> f32 {
 
 /// Up to eight triangles, vertex by vertex and axis by axis; absent ones have no area.
 #[repr(C, align(64))]
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub(super) struct Leaf {
     pub(super) vertex: [[[f32; WIDTH]; 3]; 3],
     /// The largest coordinate of each triangle's shortest side.
@@ -117,13 +149,14 @@ pub(super) struct Leaf {
     pub(super) masked: u32,
     /// Triangles present; they fill the first lanes.
     pub(super) count: u32,
+    padding: [u32; 6],
 }
 
 /// The hierarchy of one mesh, in the mesh's own frame.
 #[derive(Clone, Debug)]
 pub struct Blas {
-    pub(super) nodes: Vec<Node>,
-    pub(super) leaves: Vec<Leaf>,
+    pub(super) nodes: Paged<Node>,
+    pub(super) leaves: Paged<Leaf>,
     pub(super) bounds: Bounds,
     skipped: usize,
 }
@@ -145,14 +178,9 @@ impl Blas {
         let boxes: Vec<Bounds> =
             (0..kept.len() as u32).map(|i| Bounds::around(corners(i))).collect();
         let tree = build::tree(&boxes, WIDTH as u32, build);
-        let leaf = |members: &[u32]| {
-            let mut leaf = Leaf {
-                vertex: [[[0.0; WIDTH]; 3]; 3],
-                side: [0.0; WIDTH],
-                index: [0; WIDTH],
-                masked: 0,
-                count: members.len() as u32,
-            };
+        let mut leaves = Paged::<Leaf>::zeroed(tree.leaves().len());
+        for (leaf, members) in leaves.iter_mut().zip(tree.leaves()) {
+            leaf.count = members.len() as u32;
             for (lane, &member) in members.iter().enumerate() {
                 for (vertex, corner) in leaf.vertex.iter_mut().zip(corners(member)) {
                     for (axis, value) in vertex.iter_mut().zip(corner.to_array()) {
@@ -167,11 +195,10 @@ impl Blas {
                 leaf.masked |=
                     u32::from(masked.get(index as usize).copied().unwrap_or(false)) << lane;
             }
-            leaf
-        };
+        }
         Self {
-            leaves: tree.leaves().map(leaf).collect(),
-            nodes: tree.nodes,
+            leaves,
+            nodes: Paged::from(tree.nodes.as_slice()),
             bounds: boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(*b)),
             skipped: triangles.len() - kept.len(),
         }
@@ -186,9 +213,7 @@ impl Blas {
     /// Memory in bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        size_of::<Self>()
-            + self.nodes.capacity() * size_of::<Node>()
-            + self.leaves.capacity() * size_of::<Leaf>()
+        size_of::<Self>() + size_of_val::<[Node]>(&self.nodes) + size_of_val::<[Leaf]>(&self.leaves)
     }
 }
 

@@ -12,6 +12,7 @@ mod build;
 mod hierarchy;
 mod lanes;
 mod packet;
+mod pages;
 mod picked;
 mod query;
 mod single;

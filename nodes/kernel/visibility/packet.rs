@@ -5,7 +5,7 @@
 //! whichever is less.
 
 use super::beam::Beam;
-use super::hierarchy::{Blas, Boxes, LEAF, Leaf, Node, extra_slack};
+use super::hierarchy::{Bounds, Boxes, Grown, LEAF, Leaf, Node, extra_slack};
 use super::lanes::{Lanes, WIDTH};
 use super::picked::{GROUPS, PerRay, Picked, low_bits};
 use super::single::{inverse, length};
@@ -170,19 +170,19 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
         far.store()
     }
 
-    /// Walks a hierarchy from `root` with the rays of `active` and gives which of them are blocked.
+    /// Walks a hierarchy from `root` with the rays of `active`, and gives which of them are blocked. All boxes lie
+    /// within `bounds`.
     #[inline(always)]
     pub(super) fn walk<L: Lanes>(
         &self,
-        nodes: &[Node],
-        root: u32,
+        (nodes, root, bounds): (&[Node], u32, &Bounds),
         active: u64,
         leaves: &impl Leaves,
     ) -> u64 {
         if nodes.is_empty() && root & LEAF == 0 || active == 0 {
             return 0;
         }
-        let origin = splat::<L>(self.origin);
+        let origin = Grown::<L>::new(self.origin, self.reach, bounds);
         let mut live = active;
         let mut stack = Stack::<(u32, u64)>::new((root, active));
         while let Some((reference, rays)) = stack.pop() {
@@ -198,7 +198,7 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
                 continue;
             }
             let node = &nodes[reference as usize];
-            let boxes = node.boxes::<L>(origin, L::splat(extra_slack(self.reach)));
+            let boxes = node.boxes(&origin);
             let met = match &self.beam {
                 Some(beam) => beam.meets(&boxes),
                 None => boxes.present,
@@ -280,12 +280,10 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
     #[inline(always)]
     pub(super) fn leaf<L: Lanes>(
         &self,
-        blas: &Blas,
-        leaf: u32,
+        leaf: &Leaf,
         rays: u64,
         keep: &impl Fn(u32, f32, f32) -> bool,
     ) -> u64 {
-        let leaf = &blas.leaves[leaf as usize];
         let corners = corners::<L>(leaf, splat(self.origin));
         let met = match &self.beam {
             Some(beam) => beam.meets_triangles(&corners, L::splat(extra_slack(self.reach))),

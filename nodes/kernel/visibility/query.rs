@@ -1,5 +1,6 @@
 //! How a world answers queries.
 
+use super::hierarchy::Leaf;
 use super::lanes::{Lanes, Portable, WIDTH};
 use super::packet::{self, Packet};
 use super::picked::Picked;
@@ -48,7 +49,8 @@ impl<S: Sink> Instances<'_, S> {
     #[inline(always)]
     fn trace<L: Lanes>(mut self) -> S {
         let (world, ray) = (self.world, self.ray);
-        single::walk::<L>(&world.nodes, world.root, &ray, ray.t_max, &mut self);
+        let tree = (&*world.nodes, world.root, &world.bounds);
+        single::walk::<L>(tree, &ray, ray.t_max, &mut self);
         self.sink
     }
 }
@@ -58,14 +60,24 @@ impl<S: Sink> single::Leaves for Instances<'_, S> {
     fn meet<L: Lanes>(&mut self, leaf: u32, reach: f32) -> f32 {
         let placed = &self.world.instances[leaf as usize];
         let ray = placed.localise(&self.ray);
-        let mut mesh = Mesh { placed, ray, filter: self.filter, sink: &mut self.sink };
-        single::walk::<L>(&placed.blas.nodes, 0, &ray, reach, &mut mesh)
+        let (first, leaves) = (placed.first_triangle, &*placed.blas.leaves);
+        let mut mesh = Mesh { first, leaves, ray, filter: self.filter, sink: &mut self.sink };
+        let tree = (&*placed.blas.nodes, 0, &placed.blas.bounds);
+        single::walk::<L>(tree, &ray, reach, &mut mesh)
+    }
+
+    #[inline(always)]
+    fn prefetch<L: Lanes>(&self, leaf: u32) {
+        if let Some(placed) = self.world.instances.get(leaf as usize) {
+            L::prefetch(placed);
+        }
     }
 }
 
 /// The leaves of a mesh's hierarchy to a single ray, in the mesh's frame.
 struct Mesh<'a, S> {
-    placed: &'a Placed,
+    first: u32,
+    leaves: &'a [Leaf],
     ray: Ray,
     filter: &'a Filter<'a>,
     sink: &'a mut S,
@@ -74,11 +86,17 @@ struct Mesh<'a, S> {
 impl<S: Sink> single::Leaves for Mesh<'_, S> {
     #[inline(always)]
     fn meet<L: Lanes>(&mut self, leaf: u32, reach: f32) -> f32 {
-        let first = self.placed.first_triangle;
-        let filter = self.filter;
+        let (first, filter) = (self.first, self.filter);
         let keep = |triangle: u32, u, v| filter(first.wrapping_add(triangle), u, v);
         let sink = &mut Numbered { first, sink: &mut *self.sink };
-        single::leaf::<L>(&self.placed.blas, leaf, &self.ray, reach, &keep, sink)
+        single::leaf::<L>(&self.leaves[leaf as usize], &self.ray, reach, &keep, sink)
+    }
+
+    #[inline(always)]
+    fn prefetch<L: Lanes>(&self, leaf: u32) {
+        if let Some(leaf) = self.leaves.get(leaf as usize) {
+            L::prefetch(leaf);
+        }
     }
 }
 
@@ -199,8 +217,9 @@ impl<const PARALLEL: bool> Query for Bundle<'_, PARALLEL> {
             }
             let packet = Packet::<PARALLEL>::new::<L>(origin, direction, &picked);
             let leaves = Places { world: self.world, packet: &packet, filter: self.filter };
-            let World { nodes, root, .. } = self.world;
-            blocked |= picked.places(packet.walk::<L>(nodes, *root, packet.all(), &leaves));
+            let World { nodes, root, bounds, .. } = self.world;
+            let found = packet.walk::<L>((nodes, *root, bounds), packet.all(), &leaves);
+            blocked |= picked.places(found);
         }
         blocked
     }
@@ -239,8 +258,9 @@ struct Places<'a, const PARALLEL: bool> {
 impl<const PARALLEL: bool> Places<'_, PARALLEL> {
     #[inline(always)]
     fn trace<L: Lanes>(&self, placed: &Placed, packet: &Packet<PARALLEL>, rays: u64) -> u64 {
-        let leaves = Faces { placed, packet, filter: self.filter };
-        packet.walk::<L>(&placed.blas.nodes, 0, rays, &leaves)
+        let (first, blas) = (placed.first_triangle, &*placed.blas);
+        let leaves = Faces { first, leaves: &blas.leaves, packet, filter: self.filter };
+        packet.walk::<L>((&blas.nodes, 0, &blas.bounds), rays, &leaves)
     }
 }
 
@@ -265,7 +285,8 @@ impl<const PARALLEL: bool> packet::Leaves for Places<'_, PARALLEL> {
 
 /// The leaves of a mesh's hierarchy to a packet, in the mesh's frame.
 struct Faces<'a, const PARALLEL: bool> {
-    placed: &'a Placed,
+    first: u32,
+    leaves: &'a [Leaf],
     packet: &'a Packet<PARALLEL>,
     filter: &'a Filter<'a>,
 }
@@ -273,14 +294,14 @@ struct Faces<'a, const PARALLEL: bool> {
 impl<const PARALLEL: bool> packet::Leaves for Faces<'_, PARALLEL> {
     #[inline(always)]
     fn block<L: Lanes>(&self, leaf: u32, rays: u64) -> u64 {
-        let (first, filter) = (self.placed.first_triangle, self.filter);
+        let (first, filter) = (self.first, self.filter);
         let keep = |triangle: u32, u, v| filter(first.wrapping_add(triangle), u, v);
-        self.packet.leaf::<L>(&self.placed.blas, leaf, rays, &keep)
+        self.packet.leaf::<L>(&self.leaves[leaf as usize], rays, &keep)
     }
 
     #[inline(always)]
     fn prefetch<L: Lanes>(&self, leaf: u32) {
-        if let Some(leaf) = self.placed.blas.leaves.get(leaf as usize) {
+        if let Some(leaf) = self.leaves.get(leaf as usize) {
             L::prefetch(leaf);
         }
     }

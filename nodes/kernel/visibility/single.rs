@@ -1,10 +1,12 @@
 //! One ray at a time: the reference for packets, and the way of paths and photons.
 
 use super::Hit;
-use super::hierarchy::{Blas, Boxes, LEAF, Node};
+use super::hierarchy::{Bounds, Grown, LEAF, Leaf, Node};
 use super::lanes::{Lanes, WIDTH};
 use super::stack::Stack;
-use super::triangle::{Planes, Three, barycentric, corners, dot, splat, store};
+use super::triangle::{
+    Plane, Three, barycentric, corners, dot, edges, forgiven, inside, splat, store,
+};
 
 /// Smallest share of its largest coordinate that a coordinate of a direction is taken to have, so that its inverse
 /// is finite. Over the ray's whole length it strays from the true ray by this share, far less than boxes forgive.
@@ -42,6 +44,9 @@ pub(super) trait Leaves {
     /// Meets leaf `leaf` with a ray that reaches as far as `reach`, and gives how far it reaches from then on: nearer
     /// if only nearer hits matter, negative if none does any more. Must be inlined.
     fn meet<L: Lanes>(&mut self, leaf: u32, reach: f32) -> f32;
+
+    /// Hints that leaf `leaf` will be met soon.
+    fn prefetch<L: Lanes>(&self, leaf: u32);
 }
 
 /// Takes hits one by one and gives how far the ray reaches from then on, as [`Leaves::meet`].
@@ -49,60 +54,104 @@ pub(super) trait Sink {
     fn take(&mut self, hit: Hit) -> f32;
 }
 
-/// Walks a hierarchy from `root`, nearest children first, and gives how far the ray reaches in the end.
+/// The slab test of one ray against a node's eight boxes.
+struct Slabs<L> {
+    /// Per axis, whether boxes are entered through their low side.
+    forward: [bool; 3],
+    /// The ray's origin as seen from where boxes are entered and left.
+    enter: Three<L>,
+    leave: Three<L>,
+    inverse: Three<L>,
+    t_min: L,
+}
+
+impl<L: Lanes> Slabs<L> {
+    #[inline(always)]
+    fn new(ray: &Ray, bounds: &Bounds) -> Self {
+        let Grown { low, high } = Grown::<L>::new(ray.origin, 0.0, bounds);
+        let (mut enter, mut leave) = (low, high);
+        let forward = ray.direction.map(f32::is_sign_positive);
+        for k in 0..3 {
+            if !forward[k] {
+                (enter[k], leave[k]) = (high[k], low[k]);
+            }
+        }
+        let direction = splat::<L>(ray.direction);
+        let inverse = inverse(direction, length(direction));
+        Self { forward, enter, leave, inverse, t_min: L::splat(ray.t_min) }
+    }
+
+    /// Which boxes are met before `reach`, and where they are entered.
+    #[inline(always)]
+    fn pass(&self, node: &Node, reach: f32) -> (u32, L) {
+        let (mut enter, mut leave) = (self.t_min, L::splat(reach));
+        for k in 0..3 {
+            let (low, high) = (&node.low[k], &node.high[k]);
+            let (near, far) = if self.forward[k] { (low, high) } else { (high, low) };
+            enter = L::load(near).sub(self.enter[k]).mul(self.inverse[k]).max(enter);
+            leave = L::load(far).sub(self.leave[k]).mul(self.inverse[k]).min(leave);
+        }
+        (leave.ge(enter) & ((1 << node.count) - 1), enter)
+    }
+}
+
+/// Walks a hierarchy from `root`, a nearest child first, and gives how far the ray reaches in the end. All boxes lie
+/// within `bounds`.
 #[inline(always)]
 pub(super) fn walk<L: Lanes>(
-    nodes: &[Node],
-    root: u32,
+    (nodes, root, bounds): (&[Node], u32, &Bounds),
     ray: &Ray,
     mut reach: f32,
     leaves: &mut impl Leaves,
 ) -> f32 {
-    if nodes.is_empty() && root & LEAF == 0 {
+    if root & LEAF != 0 {
+        return leaves.meet::<L>(root ^ LEAF, reach);
+    }
+    if nodes.is_empty() {
         return reach;
     }
-    let origin = splat::<L>(ray.origin);
-    let direction = splat::<L>(ray.direction);
-    let inverse = inverse(direction, length(direction));
-    let t_min = L::splat(ray.t_min);
+    let slabs = Slabs::<L>::new(ray, bounds);
     let mut stack = Stack::<(u32, f32)>::new((root, ray.t_min));
-    while let Some((reference, entry)) = stack.pop() {
+    while let Some((mut reference, entry)) = stack.pop() {
         if entry > reach {
             continue;
+        }
+        while reference & LEAF == 0 {
+            let node = &nodes[reference as usize];
+            let (mut hit, enter) = slabs.pass(node, reach);
+            if hit == 0 {
+                break;
+            }
+            let lane = hit.trailing_zeros() as usize % WIDTH;
+            hit &= hit - 1;
+            if hit == 0 {
+                reference = node.child[lane];
+                continue;
+            }
+            let entries = enter.store();
+            // The nearest next, the others onto the stack.
+            let mut next = (node.child[lane], entries[lane]);
+            while hit != 0 {
+                let lane = hit.trailing_zeros() as usize % WIDTH;
+                hit &= hit - 1;
+                let other = (node.child[lane], entries[lane]);
+                let nearer = other.1 < next.1;
+                let later = if nearer { next } else { other };
+                next = if nearer { other } else { next };
+                if later.0 & LEAF != 0 {
+                    leaves.prefetch::<L>(later.0 ^ LEAF);
+                } else if let Some(node) = nodes.get(later.0 as usize) {
+                    L::prefetch(node);
+                }
+                stack.push(later);
+            }
+            reference = next.0;
         }
         if reference & LEAF != 0 {
             reach = leaves.meet::<L>(reference ^ LEAF, reach);
             if reach < 0.0 {
                 break;
             }
-            continue;
-        }
-        let node = &nodes[reference as usize];
-        let Boxes { low, high, present } = node.boxes(origin, L::splat(0.0));
-        let (mut enter, mut leave) = (t_min, L::splat(reach));
-        for k in 0..3 {
-            let (a, b) = (low[k].mul(inverse[k]), high[k].mul(inverse[k]));
-            enter = a.min(b).max(enter);
-            leave = a.max(b).min(leave);
-        }
-        let mut hit = leave.ge(enter) & present;
-        let entries = enter.store();
-        // Farthest first onto the stack: insertion among at most eight.
-        let mut order = [(0, 0.0); WIDTH];
-        let mut count = 0;
-        while hit != 0 {
-            let lane = hit.trailing_zeros() as usize;
-            hit &= hit - 1;
-            let mut at = count;
-            while at > 0 && order[at - 1].1 < entries[lane] {
-                order[at] = order[at - 1];
-                at -= 1;
-            }
-            order[at] = (node.child[lane], entries[lane]);
-            count += 1;
-        }
-        for &child in &order[..count] {
-            stack.push(child);
         }
     }
     reach
@@ -112,26 +161,34 @@ pub(super) fn walk<L: Lanes>(
 /// `keep(local triangle, u, v)`.
 #[inline(always)]
 pub(super) fn leaf<L: Lanes>(
-    blas: &Blas,
-    leaf: u32,
+    leaf: &Leaf,
     ray: &Ray,
     mut reach: f32,
     keep: &impl Fn(u32, f32, f32) -> bool,
     sink: &mut impl Sink,
 ) -> f32 {
-    let leaf = &blas.leaves[leaf as usize];
-    let planes = Planes::<L>::around_point(leaf, corners(leaf, splat(ray.origin)));
+    let corners = corners(leaf, splat(ray.origin));
     let direction = splat(ray.direction);
-    let weights = planes.weights::<false>(direction);
-    let facing = dot(planes.normal, direction);
-    let inside = planes.inside(weights, length(direction));
-    let within = facing.mul(L::splat(ray.t_max)).gt(planes.depth)
-        & planes.depth.gt(facing.mul(L::splat(ray.t_min)));
-    let mut hit = inside & within & facing.gt(L::splat(0.0)) & planes.usable;
+    let plane = Plane::<L>::of(leaf, &corners);
+    let facing = dot(plane.normal, direction).flip(plane.sign);
+    let within = facing.mul(L::splat(ray.t_max)).gt(plane.depth)
+        & plane.depth.gt(facing.mul(L::splat(ray.t_min)));
+    let mut hit = within & facing.gt(L::splat(0.0)) & plane.usable;
     if hit == 0 {
         return reach;
     }
-    let (weights, facing, depth) = (store(weights), facing.store(), planes.depth.store());
+    // The weights that planes around a point give to the bit: turning an edge or what comes of it is the same.
+    let [a, b, c] = edges(&corners);
+    let weights = [
+        dot(a, direction).flip(plane.sign),
+        dot(b, direction).flip(plane.sign),
+        dot(c, direction).flip(plane.sign),
+    ];
+    hit &= inside(weights, forgiven(leaf, corners[0]).0.mul(length(direction)));
+    if hit == 0 {
+        return reach;
+    }
+    let (weights, facing, depth) = (store(weights), facing.store(), plane.depth.store());
     while hit != 0 && reach >= 0.0 {
         let lane = hit.trailing_zeros() as usize % WIDTH;
         hit &= hit - 1;

@@ -1,5 +1,7 @@
 //! The list of what a walk has still to visit.
 
+use bytemuck::Zeroable;
+
 /// Deep enough for any hierarchy but a degenerate one, which spills.
 const FIXED: usize = 64;
 
@@ -10,11 +12,14 @@ pub(super) struct Stack<T> {
     spilled: Vec<T>,
 }
 
-impl<T: Copy> Stack<T> {
+impl<T: Zeroable + Copy> Stack<T> {
     /// A stack that holds `first`.
     #[inline(always)]
     pub(super) fn new(first: T) -> Self {
-        Self { fixed: [first; FIXED], len: 1, spilled: Vec::new() }
+        // Zeros are written many at once, repetitions of `first` one by one.
+        let mut fixed = [T::zeroed(); FIXED];
+        fixed[0] = first;
+        Self { fixed, len: 1, spilled: Vec::new() }
     }
 
     #[inline(always)]

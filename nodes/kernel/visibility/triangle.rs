@@ -93,11 +93,50 @@ const FORGIVEN: f32 = 1.0 / (1 << 18) as f32;
 
 /// The share that is forgiven of the product of a triangle's shortest side and its distance, and that of the side.
 #[inline(always)]
-fn forgiven<L: Lanes>(leaf: &Leaf, a: Three<L>) -> (L, L) {
+pub(super) fn forgiven<L: Lanes>(leaf: &Leaf, a: Three<L>) -> (L, L) {
     let side = L::load(&leaf.side);
     let distance = a[0].abs().max(a[1].abs()).max(a[2].abs()).add(side);
     let share = side.mul(L::splat(FORGIVEN));
     (share.mul(distance), share)
+}
+
+/// Which lanes' weights all lack at most what is `forgiven`.
+#[inline(always)]
+pub(super) fn inside<L: Lanes>([a, b, c]: Three<L>, forgiven: L) -> u32 {
+    a.min(b).min(c).add(forgiven).ge(L::splat(0.0))
+}
+
+/// For each edge of triangles, the one across from vertex i, the normal of the plane through it and the point that
+/// the corners are relative to. Exchanging the edge's ends changes its sign, to the bit.
+#[inline(always)]
+pub(super) fn edges<L: Lanes>([a, b, c]: &[Three<L>; 3]) -> [Three<L>; 3] {
+    [
+        cross(add(*b, *c), sub(*c, *b)),
+        cross(add(*c, *a), sub(*a, *c)),
+        cross(add(*a, *b), sub(*b, *a)),
+    ]
+}
+
+/// The planes of eight triangles, seen from the point that their corners are relative to.
+pub(super) struct Plane<L> {
+    pub(super) normal: Three<L>,
+    /// Negative where the normal points towards the point.
+    pub(super) sign: L,
+    /// The distance in lengths of the normal.
+    pub(super) depth: L,
+    /// The triangles that a ray can hit at all: present, and not seen exactly edge-on.
+    pub(super) usable: u32,
+}
+
+impl<L: Lanes> Plane<L> {
+    #[inline(always)]
+    pub(super) fn of(leaf: &Leaf, [a, b, c]: &[Three<L>; 3]) -> Self {
+        let normal = cross(sub(*b, *a), sub(*c, *a));
+        let sign = dot(normal, *a);
+        let depth = sign.flip(sign);
+        let usable = depth.gt(L::splat(0.0)) & ((1 << leaf.count) - 1);
+        Self { normal, sign, depth, usable }
+    }
 }
 
 /// What eight triangles ask of a ray, which is one vector X: its direction if rays share their origin, its origin if
@@ -119,22 +158,16 @@ impl<L: Lanes> Planes<L> {
     /// For rays from the point that the corners are relative to. A ray with direction X meets the triangle's plane at
     /// t = `depth / (normal . X)`, so `normal . X > depth` says t < 1.
     #[inline(always)]
-    pub(super) fn around_point(leaf: &Leaf, [a, b, c]: [Three<L>; 3]) -> Self {
-        let normal = cross(sub(b, a), sub(c, a));
-        let depth = dot(normal, a);
-        let zero = L::splat(0.0);
-        let outward = depth.flip(depth);
+    pub(super) fn around_point(leaf: &Leaf, corners: [Three<L>; 3]) -> Self {
+        let Plane { normal, sign, depth, usable } = Plane::of(leaf, &corners);
+        let [a, b, c] = edges(&corners);
         Self {
-            edge: [
-                flip(cross(add(b, c), sub(c, b)), depth),
-                flip(cross(add(c, a), sub(a, c)), depth),
-                flip(cross(add(a, b), sub(b, a)), depth),
-            ],
-            offset: [zero; 3],
-            forgiven: forgiven(leaf, a).0,
-            normal: flip(normal, depth),
-            depth: outward,
-            usable: outward.gt(zero) & ((1 << leaf.count) - 1),
+            edge: [flip(a, sign), flip(b, sign), flip(c, sign)],
+            offset: [L::splat(0.0); 3],
+            forgiven: forgiven(leaf, corners[0]).0,
+            normal: flip(normal, sign),
+            depth,
+            usable,
         }
     }
 
@@ -208,8 +241,8 @@ impl<L: Lanes> Planes<L> {
 
     /// Which lanes' weights are all as large as they must be. `length` is X's largest coordinate.
     #[inline(always)]
-    pub(super) fn inside(&self, [a, b, c]: Three<L>, length: L) -> u32 {
-        a.min(b).min(c).add(self.forgiven.mul(length)).ge(L::splat(0.0))
+    fn inside(&self, weights: Three<L>, length: L) -> u32 {
+        inside(weights, self.forgiven.mul(length))
     }
 
     /// Which lanes are passed by X: bit i for triangle i, or for ray i of a group against one triangle.

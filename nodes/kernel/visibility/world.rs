@@ -24,6 +24,7 @@ pub struct World {
     pub(super) nodes: Vec<Node>,
     /// Where walks begin: node 0, or an only instance at once.
     pub(super) root: u32,
+    pub(super) bounds: Bounds,
     /// In the order in which `nodes` refers to them.
     pub(super) instances: Vec<Placed>,
     skipped: usize,
@@ -105,7 +106,8 @@ impl World {
         let order: Vec<Placed> =
             tree.leaves().flatten().map(|&i| placed[i as usize].clone()).collect();
         let root = if order.len() == 1 { LEAF } else { 0 };
-        Self { nodes: tree.nodes, root, instances: order, skipped }
+        let bounds = boxes.iter().fold(Bounds::EMPTY, |a, b| a.union(*b));
+        Self { nodes: tree.nodes, root, bounds, instances: order, skipped }
     }
 
     /// How many instances were left out because their matrix is unusable.
