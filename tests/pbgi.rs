@@ -1,7 +1,7 @@
 //! Quantized point-based global illumination, from surfels to the picture.
 
-use crate::workspace::Workspace;
-use lightloom::nodes::data::{Comparison, Image, PbgiMemory, PbgiTree, QuantizationError};
+use crate::workspace::{Ran, Workspace};
+use lightloom::nodes::data::{Comparison, Image, Lut, PbgiMemory, PbgiTree, QuantizationError};
 
 /// `graphs/pbgi_quantized.ron`, made small.
 const SMALL: &[&str] = &[
@@ -102,4 +102,43 @@ fn another_bounce_adds_light_and_less_than_the_first() {
     };
     let (one, two) = (sum("indirect"), sum("indirect2"));
     assert!(two > 1.02 * one && two < 2.0 * one, "{one} {two}");
+}
+
+/// How pink the pinkest entry of a table is: its mean red over its mean green.
+fn pinkest(ran: &Ran) -> f32 {
+    let lut: Lut = ran.artifact("lut", 0);
+    let functions = (lut.bands * lut.bands) as usize;
+    let rows = lut.entries.chunks_exact(4 * functions);
+    let bright = rows.filter(|row| row[0] > 1e-3);
+    bright.map(|row| row[0] / row[functions].max(1e-6)).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_table_of_too_few_surfels_has_no_rare_colour() {
+    let project = Workspace::of("pbgi_meadow.ron");
+    let pink = |more: &[&str]| {
+        let small = ["surfels=60000", "scene.detail=0.5", "sky_lights.count=16", "entries=300"];
+        pinkest(&project.run_nodes(&[&small, more].concat(), &["lut"]).unwrap())
+    };
+    // Caps reflect eight times as much red as green; nothing else more than twice.
+    assert!(pink(&["from=surfels", "subset=0.001"]) < 2.0);
+    assert!(pink(&["from=surfels", "subset=0.1"]) > 3.0);
+    assert!(pink(&["from=nodes"]) > 3.0);
+}
+
+#[test]
+fn a_shot_has_one_table_or_one_for_each_frame() {
+    let project = Workspace::of("pbgi_meadow.ron");
+    let small =
+        ["last=2", "surfels=3000", "scene.detail=0.3", "scene.grass=200", "sky_lights.count=4"];
+    let set = [&small[..], &["entries=50", "size=(32, 18)"]].concat();
+    let shared = project.run_nodes(&set, &["lut", "error"]).unwrap();
+    let error: Comparison = shared.artifact("error", 0);
+    assert_eq!(error.relative_l2.len(), 3);
+    assert!(error.relative_l2.iter().all(|e| *e < 0.2), "{:?}", error.relative_l2);
+    let node = shared.graph.nodes.iter().position(|node| node.name == "lut").unwrap();
+    assert_eq!(shared.known.held[node].len(), 1);
+    project.edit("Lut(shot:", "Lut(surfels:");
+    let each = project.run_nodes(&set, &["lut"]).unwrap();
+    assert_eq!(each.known.held[node].len(), 3);
 }
