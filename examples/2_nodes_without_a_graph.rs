@@ -32,7 +32,7 @@ fn main() -> Result<(), Error> {
 
     let input = ReferenceIn {
         framebuffer: framebuffer.clone(),
-        lights: lights.clone(),
+        lights: Some(lights.clone()),
         geometry: geometry.clone(),
         materials: materials.clone(),
         poses: poses.clone(),

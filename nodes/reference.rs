@@ -22,8 +22,8 @@ crate::inputs! {
     pub struct ReferenceIn {
         /// Surface samples.
         framebuffer: Item<DeepFramebuffer>,
-        /// All lights.
-        lights: Item<Lights>,
+        /// All lights; without any, the picture has what surfaces emit and what lies behind them.
+        lights: Option<Item<Lights>>,
         /// Shapes that cast shadows.
         geometry: Item<Geometry>,
         /// Their materials.
@@ -41,7 +41,10 @@ impl Node for Reference {
 
     fn run(&self, input: ReferenceIn, ctx: &Ctx) -> Result<Image, Error> {
         let stage = Stage::of(ctx, &input.geometry, &input.materials, &input.poses)?;
-        let tensor = RayTensor::new(&stage, &input.lights);
+        let (width, height) = input.framebuffer.size();
+        let mut radiance = input.framebuffer.emitted.to_vec();
+        let Some(lights) = &input.lights else { return Ok(Image::new(width, height, radiance)) };
+        let tensor = RayTensor::new(&stage, lights);
         let receivers = Receivers::of(&input.framebuffer);
         let packets = receivers.samples.len().div_ceil(Ends::CAPACITY) as u64;
         ctx.evaluated(receivers.samples.len() as u64 * tensor.lights() as u64);
@@ -60,8 +63,6 @@ impl Node for Reference {
                 Ok(sum)
             })
             .collect::<Result<_, Error>>()?;
-        let (width, height) = input.framebuffer.size();
-        let mut radiance = input.framebuffer.emitted.to_vec();
         for (pixel, sum) in receivers.pixel.iter().zip(sums.iter().flatten()) {
             radiance[*pixel as usize] += sum.min(DVec3::splat(f64::from(f32::MAX))).as_vec3();
         }

@@ -12,9 +12,12 @@ use std::f32::consts::TAU;
 crate::choice! {
     /// Which faces of surfaces have surfels.
     pub enum Faces {
+        /// As the material says: both where it is double-sided, front faces elsewhere.
+        Material = "material",
         /// Front faces only, for scenes of closed solids: their backs are never seen, and hide nothing.
         Front = "front",
-        /// Both: each place has a surfel on either side.
+        /// Both: each place has a surfel on either side. The dark insides of solids then take light
+        /// from what a cell of a buffer sees past their edges.
         Both = "both",
     }
 }
@@ -23,10 +26,10 @@ crate::params! {
     /// Covers all surfaces with surfels that keep apart from each other. They move and deform with their
     /// triangles.
     pub struct Surfels {
-        /// Number of surfels.
+        /// Number of surfels; more where double-sided materials have them on their backs, too.
         count: u32 = 200_000, 1..=67_108_864;
         /// Which faces have them.
-        faces: Faces = Faces::Front;
+        faces: Faces = Faces::Material;
         /// Surfels over which nearly all directions are closed within this many of their radii are left
         /// out: nothing but the gap sees them, and nodes would mix them with the surface that hides them.
         /// 0 keeps all.
@@ -56,7 +59,7 @@ impl Node for Surfels {
 
     fn memory(&self, inputs: &crate::node::Sizes) -> u64 {
         // Eight candidates a surfel, at about 64 bytes each while they are sorted out.
-        512 * u64::from(self.count) + 8 * inputs.bytes("geometry")
+        576 * u64::from(self.count) + 8 * inputs.bytes("geometry")
     }
 
     fn run(&self, input: SurfelsIn, ctx: &Ctx) -> Result<Self::Out, Error> {
@@ -68,21 +71,27 @@ impl Node for Surfels {
         };
         let sides: &[u8] = match self.faces {
             Faces::Front => &[1],
-            Faces::Both => &[1, 0],
+            Faces::Both | Faces::Material => &[1, 0],
         };
-        let places = self.count.div_ceil(sides.len() as u32);
+        let places = if self.faces == Faces::Both { self.count.div_ceil(2) } else { self.count };
         let samples = sample(corners, stage.triangles(), places, self.seed);
         if samples.triangle.is_empty() {
             return Err(Error::invalid("there is no surface to put surfels on"));
         }
         let all = samples.triangle.len() * sides.len();
         let surfel = |k: usize| (k / sides.len(), sides[k % sides.len()]);
-        let kept: Vec<(usize, u8)> = (0..all)
-            .into_par_iter()
+        let two_sided = |i: usize| stage.surface(samples.triangle[i], 0.0, 0.0).double_sided;
+        let wanted: Vec<(usize, u8)> = (0..all)
             .map(surfel)
+            .filter(|&(i, side)| side == 1 || self.faces == Faces::Both || two_sided(i))
+            .collect();
+        let kept: Vec<(usize, u8)> = wanted
+            .par_iter()
+            .copied()
             .filter(|&(i, side)| !self.is_buried(&stage, &samples, i, side))
             .collect();
-        ctx.note(format!("{} of {all} surfels are buried and left out", all - kept.len()));
+        let (all, left) = (wanted.len(), wanted.len() - kept.len());
+        ctx.note(format!("{left} of {all} surfels are buried and left out"));
         let each = || kept.iter().copied();
         let root = samples.area.sqrt();
         let area = areas(&stage, &samples);
@@ -161,10 +170,13 @@ mod tests {
 
     fn run(count: u32, faces: Faces) -> data::Surfels {
         let mut triangles = quad(Vec3::ZERO, Vec3::X * 2.0, Vec3::Z * 3.0, 0).to_vec();
+        triangles[1].1 = 1;
         triangles.push(([Vec3::ZERO, Vec3::X, Vec3::X * 2.0], 0));
+        let mut materials = plain_materials(&[Vec3::ONE; 2]);
+        materials.double_sided = vec![0, 1].into();
         let input = SurfelsIn {
             geometry: Geometry { diagonal: 4.0, bias: 1e-3, ..soup(&triangles) }.into(),
-            materials: plain_materials(&[Vec3::ONE]).into(),
+            materials: materials.into(),
             rest: still().into(),
         };
         Surfels { count, faces, seed: 3, ..Surfels::default() }.run(input, &Ctx::default()).unwrap()
@@ -172,9 +184,17 @@ mod tests {
 
     #[test]
     fn areas_add_up_on_each_side_and_degenerate_triangles_have_none() {
-        for (faces, expected) in [(Faces::Front, 6.0), (Faces::Both, 12.0)] {
+        // The second of two triangles of three square metres is double-sided.
+        for (faces, expected, count) in
+            [(Faces::Front, 6.0, 1000), (Faces::Both, 12.0, 1000), (Faces::Material, 9.0, 1500)]
+        {
             let surfels = run(1000, faces);
-            assert!(surfels.triangle.len() == 1000 && surfels.triangle.iter().all(|t| *t < 2));
+            assert!(surfels.triangle.len().abs_diff(count) < 40);
+            assert!(surfels.triangle.iter().all(|t| *t < 2));
+            if faces == Faces::Material {
+                let backs = surfels.front.iter().zip(surfels.triangle.iter());
+                assert!(backs.filter(|(front, _)| **front == 0).all(|(_, t)| *t == 1));
+            }
             let area: f32 = surfels.share.iter().map(|s| s * 3.0).sum();
             assert!((area - expected).abs() < 1e-2, "{area}");
         }

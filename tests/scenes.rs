@@ -221,7 +221,7 @@ impl Frame {
     pub fn reference(&self, lights: &Item<Lights>) -> Image {
         let input = nodes::ReferenceIn {
             framebuffer: self.framebuffer.clone(),
-            lights: lights.clone(),
+            lights: Some(lights.clone()),
             geometry: self.geometry.clone(),
             materials: self.materials.clone(),
             poses: self.poses.clone(),

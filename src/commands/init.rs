@@ -31,6 +31,9 @@ pub struct Init {
     /// Turns the camera around the scene by this angle.
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = angle)]
     orbit: Option<f32>,
+    /// Bounces light between points (2012) in place of sampling a lighting matrix.
+    #[arg(long)]
+    points: bool,
     /// Frames of the shot: 40 by default where something moves, else 1.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     frames: Option<u32>,
@@ -156,6 +159,8 @@ impl Shot {
     }
 }
 
+/// Lights of an environment and of emissive surfaces where bounces go by points: they are summed for each point and pixel.
+const BY_POINTS: [usize; 2] = [256, 512];
 /// Lights in all, of an environment, and on the sun's disc (Hašan et al. 2008, section 5).
 const LIGHTS: [usize; 3] = [65_536, 16_384, 16];
 
@@ -169,7 +174,14 @@ impl Init {
         let (around, own) = (map || sky, n.cameras.0 > 0);
         let lights_only = moving && !(posed || n.cameras.1 || shot.orbit.is_some());
         let subject = self.ground && (!own || shot.orbit.is_some());
+        let few = if punctual { "punctual" } else { "sun" };
+        let lamps: Vec<&str> = [(few, punctual || sky), ("emissive", emissive)]
+            .into_iter()
+            .filter_map(|(name, is)| is.then_some(name))
+            .collect();
         let has = [
+            ("points", self.points),
+            ("lamps", !lamps.is_empty()),
             ("shot", moving),
             ("moves", n.moves()),
             ("posed", posed),
@@ -189,10 +201,10 @@ impl Init {
         ];
         let emitters = match () {
             () if !emissive => 0,
+            () if self.points => BY_POINTS[1],
             () if n.emissive.1 < 0.01 * n.diagonal * n.diagonal => 4096,
             () => 8192,
         };
-        let few = if punctual { "punctual" } else { "sun" };
         let mut all = Vec::new();
         for (name, is) in
             [(few, punctual || sky), ("environment_lights", around), ("emissive", emissive)]
@@ -201,7 +213,9 @@ impl Init {
         }
         let many =
             if around && emissive { "many" } else { all.last().copied().unwrap_or_default() };
-        all.push("bounce");
+        if !self.points {
+            all.push("bounce");
+        }
         let others = n.punctual()
             + emitters
             + if sky { LIGHTS[2] } else { 0 }
@@ -249,7 +263,9 @@ impl Init {
             ("points", n.lights.0[0].to_string()),
             ("spots", n.lights.0[1].to_string()),
             ("directional", n.lights.0[2].to_string()),
-            ("around", LIGHTS[1].to_string()),
+            ("around", if self.points { BY_POINTS[0] } else { LIGHTS[1] }.to_string()),
+            ("lamps", format!("{lamps:?}")),
+            ("lamps_port", port(!lamps.is_empty(), "lights", "lamps")),
             ("emissive", n.emissive.0.to_string()),
             ("area", format!("{:.4}", n.emissive.1)),
             ("power", format!("{:.4}", n.emissive.2)),
@@ -297,6 +313,7 @@ mod tests {
         Init {
             scene: scene.into(),
             ground: false,
+            points: false,
             environment,
             orbit,
             frames,
@@ -337,11 +354,12 @@ mod tests {
     /// Every combination of what a scene may have gives a graph without mistakes or idle nodes.
     #[test]
     fn every_graph_is_whole() {
-        for bits in 0..1 << 9 {
+        for bits in 0..1 << 10 {
             let on = |bit: u32| bits >> bit & 1 == 1;
             let mut init = init(Path::new("a<b>|{c}.glb"));
             let mut needs = dull();
             init.ground = on(0);
+            init.points = on(9);
             init.environment = on(1).then(|| "sky.hdr".into());
             init.orbit = on(2).then_some(-90.0);
             needs.cameras = (usize::from(on(3)), on(3) && on(8));
@@ -375,14 +393,15 @@ mod tests {
             );
             assert_eq!((is("Camera"), is("OrbitCamera")), (on(3), on(2) || !on(3)));
             let moving = on(2) || on(6) || on(8) && (on(3) || on(4));
+            let matrix = !on(9);
             assert_eq!(
-                (is("Frames"), is("PixelMaps"), is("Apng")),
-                (moving, moving, moving),
+                (is("Frames"), is("PixelMaps"), is("Apng"), is("Png")),
+                (moving, moving && matrix, moving, !moving),
                 "{bits:b}"
             );
             assert_eq!(
-                (is("ColumnClusters"), is("Png"), is("Clusters")),
-                (!moving, !moving, moving)
+                (is("ColumnClusters"), is("Clusters"), is("PbgiGather"), is("Photons")),
+                (!moving && matrix, moving && matrix, on(9), matrix)
             );
             let poses = graph.nodes.iter().filter(|n| n.kind == "Poses").count();
             assert_eq!(poses, 1 + usize::from(on(6)));

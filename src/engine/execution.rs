@@ -42,6 +42,15 @@ impl Shot {
         frames.start - chunk..frames.end - chunk - 1
     }
 
+    /// The chunk in which a run of a node lies.
+    fn chunk_of(self, runs: Axis, run: usize) -> usize {
+        match runs {
+            Axis::Frames => run / self.chunk,
+            Axis::Pairs => self.frame_of_pair(run) / self.chunk,
+            Axis::Chunks | Axis::Single => run,
+        }
+    }
+
     /// First frame of a pair.
     fn frame_of_pair(self, pair: usize) -> usize {
         pair + pair / (self.chunk - 1).max(1)
@@ -155,6 +164,10 @@ fn bind(
             let first = shot.frame_of_pair(run);
             first..first + 2
         }
+        (_, Axis::Chunks) => {
+            let chunk = shot.chunk_of(runs, run);
+            chunk..chunk + 1
+        }
         _ => run..run + 1,
     };
     debug_assert!(
@@ -185,6 +198,11 @@ mod tests {
         assert_eq!([0, 1, 2].map(|c| shot.pairs_of(c)), [0..3, 3..6, 6..7]);
         let first: Vec<usize> = (0..7).map(|p| shot.frame_of_pair(p)).collect();
         assert_eq!(first, [0, 1, 2, 4, 5, 6, 8]);
+        let chunks = |runs| (0..shot.len(runs)).map(|run| shot.chunk_of(runs, run)).collect();
+        let of_frames: Vec<usize> = chunks(Axis::Frames);
+        let of_pairs: Vec<usize> = chunks(Axis::Pairs);
+        assert_eq!(of_frames, [0, 0, 0, 0, 1, 1, 1, 1, 2, 2]);
+        assert_eq!((of_pairs, chunks(Axis::Chunks)), (vec![0, 0, 0, 1, 1, 1, 2], vec![0, 1, 2]));
     }
 
     #[test]

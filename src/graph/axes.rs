@@ -65,7 +65,7 @@ pub struct Bound {
 /// Why the inputs do not go together; the numbers are places in the list given to [`infer`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// Two inputs over which the node would have to run go over different things.
+    /// Two inputs over which the node would have to run go over frames and over pairs.
     Mixed(usize, usize),
     /// The first is a whole sequence, so that the node runs once a chunk; the second is not one a chunk.
     BesideAll(usize, usize),
@@ -98,10 +98,12 @@ pub fn infer(sequence: bool, takes_all: bool, inputs: &[Bound]) -> Result<Axes, 
             (_, Axis::Single) => continue,
             (_, axis) => axis,
         };
-        match lifted {
-            Some((first, axis)) if axis != over => return Err(Fault::Mixed(first, i)),
-            _ => lifted = lifted.or(Some((i, over))),
-        }
+        lifted = match lifted {
+            // The frames and pairs of a chunk share what there is one of a chunk.
+            None | Some((_, Axis::Chunks)) => Some((i, over)),
+            Some((_, axis)) if axis == over || over == Axis::Chunks => lifted,
+            Some((first, _)) => return Err(Fault::Mixed(first, i)),
+        };
     }
     match (whole, lifted) {
         (Some(all), Some((i, axis))) if axis != Axis::Chunks => Err(Fault::BesideAll(all, i)),
@@ -149,12 +151,14 @@ mod tests {
         assert_eq!(go(true, &[(All, Frames), (One, Single)]), Ok((Chunks, Frames)));
         assert_eq!(go(true, &[(All, Single)]), Ok((Single, Single)));
         assert_eq!(go(false, &[(All, Single), (One, Frames)]), Ok((Frames, Frames)));
+        assert_eq!(go(false, &[(One, Frames), (One, Chunks)]), Ok((Frames, Frames)));
+        assert_eq!(go(false, &[(Optional, Chunks), (Window, Frames)]), Ok((Pairs, Pairs)));
     }
 
     #[test]
     fn faults() {
         assert_eq!(
-            go(false, &[(One, Single), (One, Frames), (One, Chunks)]),
+            go(false, &[(One, Chunks), (One, Frames), (One, Pairs)]),
             Err(Fault::Mixed(1, 2))
         );
         assert_eq!(go(false, &[(Window, Frames), (One, Frames)]), Err(Fault::Mixed(0, 1)));

@@ -4,19 +4,24 @@
 /// bar, nothing with an exclamation mark among it; `<name>` is a value of that scene.
 pub const TEMPLATE: &str = r#"|#![enable(implicit_some)]
 |// <name>, as `lightloom init` wrote it: <triangles> triangles, <across> m across.
-shot|// A shot by tensor clustering (Hašan et al. 2008).
-!shot|// A still by matrix row-column sampling (Hašan et al. 2007).
-|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' --set columns=50
+shot,!points|// A shot by tensor clustering (Hašan et al. 2008).
+!shot,!points|// A still by matrix row-column sampling (Hašan et al. 2007).
+points|// One bounce of light between points (Christensen 2008; Buchholz and Boubekeur 2012).
+!points|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' --set columns=50
+points|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' --set surfels=100000
 |Graph(
 |    // Knobs: used as "$name" below; vary one with --set name=value.
 |    vars: {
 |        "size": <size>, // pixels
-|        // Bins across and down: one row of the lighting matrix in each.
-shot|        "rows": (10, 10),
-!shot|        "rows": (20, 15),
-shot|        "columns": 200, // representatives a frame, on average
-!shot|        "columns": 900, // representatives: three for each row
-|        "lights": <total>, // at most, those of bounce light included
+!points|        // Bins across and down: one row of the lighting matrix in each.
+shot,!points|        "rows": (10, 10),
+!shot,!points|        "rows": (20, 15),
+shot,!points|        "columns": 200, // representatives a frame, on average
+!shot,!points|        "columns": 900, // representatives: three for each row
+!points|        "lights": <total>, // at most, those of bounce light included
+points|        "surfels": 400000, // points on all surfaces
+points|        "resolution": 8, // cells a side of each pixel's buffer
+points|        "factor": 2.0, // solid angle below which a node of their tree is not opened, in cells
 |        "seed": 1, // of all that is random
 shot|        "fps": <fps>, // frames a second
 sky|        "sun": (35.0, 60.0), // elevation, and azimuth from +X towards +Z, degrees
@@ -40,8 +45,8 @@ posed|        // <rigid> instances move as they are, <deforming> deform.
 |        "poses": Poses(scene: "scene"<poses_time>),
 subject|        // What the camera looks at: the scene without its ground.
 subject|        "subject": Geometry(scene: "file"),
-lights_only|        // Only lights move. The camera takes the time all the same: maps and frames need a framebuffer
-lights_only|        // for each frame, and equal ones are made once.
+lights_only|        // Only lights move. The camera takes the time all the same: frames need a framebuffer each, and
+lights_only|        // equal ones are made once.
 camera|        // The first of the file's <cameras> cameras.
 camera|        "<own_camera>": Camera(scene: "scene", index: 0<camera_time>),
 !camera|        // The file has no camera. This one has all in view; azimuth, elevation and distance move it.
@@ -63,34 +68,48 @@ emissive|        // <emissive> triangles emit: <area> square metres, <power> W. 
 emissive|        // what they light, and ask for more lights.
 emissive|        "emissive": EmissiveLights(<at><emissive_rest>, count: <emitters>, seed: "$seed"),
 |
-|        // Bounce light: samples on all surfaces gather light and become lights. They ask each light of
-|        // the few; what the many send comes by photons.
-around,emissive|        "many": MergeLights(lights: ["environment_lights", "emissive"]),
-|        "photons": Photons(<at><direct><many>, seed: "$seed"),
-two_sided|        // Both sides reflect: <two_sided> materials are double-sided. With the others these are all lights.
-!two_sided|        // Only fronts reflect: no material is double-sided. With the others these are all lights.
-|        "samples": GatherSamples(geometry: "geometry", materials: "materials", rest: "<rest>", count: <samples>, sides: <sides>, seed: "$seed"),
-|        "bounce": GatherLights(samples: "samples", <at><direct>, photons: "photons"),
-|        "lights": MergeLights(lights: <all>, total: "$lights"),
+!points|        // Bounce light: samples on all surfaces gather light and become lights. They ask each light of
+!points|        // the few; what the many send comes by photons.
+!points,around,emissive|        "many": MergeLights(lights: ["environment_lights", "emissive"]),
+!points|        "photons": Photons(<at><direct><many>, seed: "$seed"),
+two_sided,!points|        // Both sides reflect: <two_sided> materials are double-sided. With the others these are all lights.
+!two_sided,!points|        // Only fronts reflect: no material is double-sided. With the others these are all lights.
+!points|        "samples": GatherSamples(geometry: "geometry", materials: "materials", rest: "<rest>", count: <samples>, sides: <sides>, seed: "$seed"),
+!points|        "bounce": GatherLights(samples: "samples", <at><direct>, photons: "photons"),
+!points|        "lights": MergeLights(lights: <all>, total: "$lights"),
+points|        // What points are lit by; pixels see the sky itself between them.
+points|        "lights": MergeLights(lights: <all>),
+points,lamps|        "lamps": MergeLights(lights: <lamps>),
 |
-|        // What the camera sees, and a few rows of the lighting matrix.
+points|        // Points on all surfaces, on both sides where a material is double-sided, and their tree.
+points|        "surfels": Surfels(geometry: "geometry", materials: "materials", rest: "<rest>", count: "$surfels", seed: "$seed"),
+points|        "lit": ShadeSurfels(surfels: "surfels", <at>, lights: "lights"),
+points|        "tree": PbgiTree(surfels: "lit"),
+|
+points|        // What the camera sees, and the light on it.
+!points|        // What the camera sees, and a few rows of the lighting matrix.
 |        "framebuffer": DeepFramebuffer(<at>, camera: "camera"<background>, size: "$size"),
-|        "rows": Rows(framebuffer: "framebuffer", lights: "lights", <at>, bins: "$rows"),
+!points|        "rows": Rows(framebuffer: "framebuffer", lights: "lights", <at>, bins: "$rows"),
 |
-shot|        // Clusters over lights and time; a column is mapped from its frame to the frames that it serves.
-shot|        "maps": PixelMaps(framebuffer: "framebuffer", geometry: "geometry"),
-shot|        "clusters": Clusters(rows: "rows", maps: "maps", seed: "$seed"),
-!shot|        // Clusters of lights: this is a single frame.
-!shot|        "clusters": ColumnClusters(rows: "rows", count: "$columns", seed: "$seed"),
-|        // The light most like the sum of its cluster stands for it, scaled in each colour.
-|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: medoid),
-|        "image": Reconstruct(representatives: "representatives", framebuffer: "framebuffer", lights: "lights", <at><maps>),
+shot,!points|        // Clusters over lights and time; a column is mapped from its frame to the frames that it serves.
+shot,!points|        "maps": PixelMaps(framebuffer: "framebuffer", geometry: "geometry"),
+shot,!points|        "clusters": Clusters(rows: "rows", maps: "maps", seed: "$seed"),
+!shot,!points|        // Clusters of lights: this is a single frame.
+!shot,!points|        "clusters": ColumnClusters(rows: "rows", count: "$columns", seed: "$seed"),
+!points|        // The light most like the sum of its cluster stands for it, scaled in each colour.
+!points|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: medoid),
+points,lamps|        // Lamps one by one; the sky and what surfaces reflect by the points.
+points,!lamps|        // Without lamps: what is seen of the sky. The rest comes by the points.
+points|        "direct": Reference(framebuffer: "framebuffer"<lamps_port>, <at>),
+points|        "indirect": PbgiGather(tree: "tree", framebuffer: "framebuffer"<background>, resolution: "$resolution", factor: "$factor"),
+points|        "image": Sum(images: ["direct", "indirect"]),
+!points|        "image": Reconstruct(representatives: "representatives", framebuffer: "framebuffer", lights: "lights", <at><maps>),
 |        "smooth": AntiAlias(image: "image", framebuffer: "framebuffer", <at>, camera: "camera"<background>),
 |
-|        // To measure the error, uncomment these two and the output below; adding up all lights takes long.
-|        // "reference": Reference(framebuffer: "framebuffer", lights: "lights", <at>),
-|        // "compare": Compare(image: "image", reference: "reference"),
-|
+!points|        // To measure the error, uncomment these two and the output below; adding up all lights takes long.
+!points|        // "reference": Reference(framebuffer: "framebuffer", lights: "lights", <at>),
+!points|        // "compare": Compare(image: "image", reference: "reference"),
+!points|
 |        // Radiance as it is, and something to look at; an exposure of 1 makes it twice as bright.
 bright|        // The lights are strong: the exposure is a guess from their distance and power.
 sky|        // In the sun, one stop less.
@@ -102,7 +121,7 @@ shot|        "preview": Apng(images: "smooth", fps: "$fps", exposure: <exposure>
 |        "frame": "exr",
 shot|        "preview": "preview",
 !shot|        "picture": "png",
-|        // "error": "compare",
+!points|        // "error": "compare",
 |    },
 |)
 "#;
