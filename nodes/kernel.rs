@@ -3,6 +3,7 @@
 pub mod animation;
 pub mod brdf;
 pub mod checkpoint;
+pub mod closed;
 pub mod clustering;
 pub mod density;
 pub mod element;

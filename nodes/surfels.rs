@@ -1,6 +1,7 @@
 //! Surfels: Poisson-disk samples of all surfaces (Buchholz and Boubekeur 2012, section 1.1).
 
 use crate::data::{self, Geometry, Materials, Poses};
+use crate::kernel::closed::{self, Seen};
 use crate::kernel::pbgi::poisson_disk::{Samples, sample};
 use crate::kernel::stage::Stage;
 use crate::kernel::surface_sampling::uniform;
@@ -12,8 +13,10 @@ use std::f32::consts::TAU;
 crate::choice! {
     /// Which faces of surfaces have surfels.
     pub enum Faces {
-        /// As the material says: both where it is double-sided, front faces elsewhere.
-        Material = "material",
+        /// What can be seen: the outside of closed solids, of open surfaces both faces where their
+        /// material is double-sided, front faces elsewhere. A closed room that is seen from inside, and
+        /// has nothing separate in it, is taken for a solid if its material is double-sided.
+        Seen = "seen",
         /// Front faces only, for scenes of closed solids: their backs are never seen, and hide nothing.
         Front = "front",
         /// Both: each place has a surfel on either side. The dark insides of solids then take light
@@ -26,10 +29,10 @@ crate::params! {
     /// Covers all surfaces with surfels that keep apart from each other. They move and deform with their
     /// triangles.
     pub struct Surfels {
-        /// Number of surfels; more where double-sided materials have them on their backs, too.
+        /// Number of surfels; more where open, double-sided surfaces have them on their backs, too.
         count: u32 = 200_000, 1..=67_108_864;
         /// Which faces have them.
-        faces: Faces = Faces::Material;
+        faces: Faces = Faces::Seen;
         /// Surfels over which nearly all directions are closed within this many of their radii are left
         /// out: nothing but the gap sees them, and nodes would mix them with the surface that hides them.
         /// 0 keeps all.
@@ -71,7 +74,7 @@ impl Node for Surfels {
         };
         let sides: &[u8] = match self.faces {
             Faces::Front => &[1],
-            Faces::Both | Faces::Material => &[1, 0],
+            Faces::Both | Faces::Seen => &[1, 0],
         };
         let places = if self.faces == Faces::Both { self.count.div_ceil(2) } else { self.count };
         let samples = sample(corners, stage.triangles(), places, self.seed);
@@ -80,10 +83,14 @@ impl Node for Surfels {
         }
         let all = samples.triangle.len() * sides.len();
         let surfel = |k: usize| (k / sides.len(), sides[k % sides.len()]);
-        let two_sided = |i: usize| stage.surface(samples.triangle[i], 0.0, 0.0).double_sided;
+        let shown = self.shown(&stage);
         let wanted: Vec<(usize, u8)> = (0..all)
             .map(surfel)
-            .filter(|&(i, side)| side == 1 || self.faces == Faces::Both || two_sided(i))
+            .filter(|&(i, side)| match shown.get(samples.triangle[i] as usize) {
+                None | Some(Seen::Both) => true,
+                Some(Seen::Front) => side == 1,
+                Some(Seen::Back) => side == 0,
+            })
             .collect();
         let kept: Vec<(usize, u8)> = wanted
             .par_iter()
@@ -141,6 +148,25 @@ const LOOKS: u32 = 16;
 const CLOSED: u32 = 14;
 
 impl Surfels {
+    /// The faces of each triangle that have surfels; empty where all faces that are tried have them.
+    fn shown(&self, stage: &Stage) -> Vec<Seen> {
+        let two_sided = |t: u32| stage.surface(t, 0.0, 0.0).double_sided;
+        if self.faces != Faces::Seen {
+            return Vec::new();
+        }
+        let triangles = stage.triangles();
+        if !(0..triangles).any(two_sided) {
+            return vec![Seen::Front; triangles as usize];
+        }
+        let mut shown = closed::seen(|t| stage.triangle(t), triangles);
+        for (t, seen) in (0..triangles).zip(&mut shown) {
+            if !two_sided(t) {
+                *seen = Seen::Front;
+            }
+        }
+        shown
+    }
+
     /// Whether nearly all directions, cosine-weighted, are closed near a side of sample `i`.
     fn is_buried(&self, stage: &Stage, samples: &Samples, i: usize, side: u8) -> bool {
         let at = samples.barycentric[i];
@@ -186,12 +212,12 @@ mod tests {
     fn areas_add_up_on_each_side_and_degenerate_triangles_have_none() {
         // The second of two triangles of three square metres is double-sided.
         for (faces, expected, count) in
-            [(Faces::Front, 6.0, 1000), (Faces::Both, 12.0, 1000), (Faces::Material, 9.0, 1500)]
+            [(Faces::Front, 6.0, 1000), (Faces::Both, 12.0, 1000), (Faces::Seen, 9.0, 1500)]
         {
             let surfels = run(1000, faces);
             assert!(surfels.triangle.len().abs_diff(count) < 40);
             assert!(surfels.triangle.iter().all(|t| *t < 2));
-            if faces == Faces::Material {
+            if faces == Faces::Seen {
                 let backs = surfels.front.iter().zip(surfels.triangle.iter());
                 assert!(backs.filter(|(front, _)| **front == 0).all(|(_, t)| *t == 1));
             }

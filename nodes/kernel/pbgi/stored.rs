@@ -385,6 +385,42 @@ mod tests {
     }
 
     #[test]
+    fn a_convex_sheet_with_two_faces_does_not_shadow_itself() {
+        let count = 1500;
+        let normal = |i: usize| {
+            let (z, turn) = (1.0 - (i as f32 + 0.5) * 2.0 / count as f32, i as f32 * 2.399_963);
+            Vec3::new(z, libm::cosf(turn), libm::sinf(turn)) * {
+                let flat = (1.0 - z * z).sqrt();
+                Vec3::new(1.0, flat, flat)
+            }
+        };
+        let area = 4.0 * std::f32::consts::PI / count as f32;
+        let faces = || (0..count).flat_map(|i| [normal(i), -normal(i)]);
+        let ball = RadiantSurfels {
+            position: (0..count).flat_map(|i| [normal(i); 2]).collect(),
+            normal: faces().collect(),
+            radiance: faces().map(|_| Vec3::ZERO).collect(),
+            area: faces().map(|_| area).collect(),
+            radius: faces().map(|_| 0.8 * area.sqrt()).collect(),
+        };
+        let recipe =
+            Recipe { shape: Shape::Binary, average: Average::Area, format: Format::A, bands: 3 };
+        let (tree, _) = build(&ball, recipe, None).unwrap();
+        let scales = scales(&tree).unwrap();
+        let hierarchy = as_binary(&tree, &scales);
+        let receivers: Vec<Receiver> = (0..64)
+            .map(|i| normal(i * 23 + 11))
+            .map(|n| Receiver::diffuse(n * 1.0005, n, n, Vec3::ONE))
+            .collect();
+        let buffer = MicroBuffer::new(Cells::Cube, 8);
+        let (settings, background) = (Settings::default(), |_| Vec3::ONE);
+        let gather = Gather { hierarchy: &hierarchy, buffer: &buffer, settings, background };
+        let (gathered, _) = gather.all(&receivers, |_, _| Ok::<(), Error>(())).unwrap();
+        let least = gathered.iter().map(|g| g.radiance.x).fold(f32::INFINITY, f32::min);
+        assert!(least > 0.9, "{least}");
+    }
+
+    #[test]
     fn size_and_place_of_the_scene_do_not_matter() {
         let recipe =
             Recipe { shape: Shape::Binary, average: Average::Area, format: Format::A, bands: 3 };

@@ -81,7 +81,7 @@ points|        // What points are lit by; pixels see the sky itself between them
 points|        "lights": MergeLights(lights: <all>),
 points,lamps|        "lamps": MergeLights(lights: <lamps>),
 |
-points|        // Points on all surfaces, on both sides where a material is double-sided, and their tree.
+points|        // Points on all surfaces, on both sides of open ones whose material is double-sided, and their tree.
 points|        "surfels": Surfels(geometry: "geometry", materials: "materials", rest: "<rest>", count: "$surfels", seed: "$seed"),
 points|        "lit": ShadeSurfels(surfels: "surfels", <at>, lights: "lights"),
 points|        "tree": PbgiTree(surfels: "lit"),

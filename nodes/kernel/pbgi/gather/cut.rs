@@ -20,9 +20,12 @@ const SPLAT: f32 = 4.0;
 const HORIZON: f32 = 0.01;
 /// Distance, in radii, of a disc's plane from a receiver that lies on the disc.
 const COPLANAR: f32 = 1e-3;
-/// The same where the disc looks the receiver's way and floats above it: on a convex surface the discs of the neighbours
-/// do, and would shadow a receiver between them.
+/// The same on a convex surface: the discs of the neighbours float above a receiver between them, look the other way, and
+/// would shadow it; of a surface with two faces the backs of the neighbours look at it.
 const FLOATING: f32 = 0.25;
+/// How far, in distances, such a back may be from an arc of one surface through it and the receiver: what stands just
+/// before the receiver is off it by twice the sine of its height.
+const RISEN: f32 = 0.25;
 
 /// One receiver's walk.
 pub(super) struct Cut<'a, H: Hierarchy> {
@@ -177,9 +180,11 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
     /// Whether the receiver lies on a large disc, or under one of its own convex surface: neither lights nor shadows it.
     fn lies_on(&self, surfel: &Surfel, to: Vec3) -> bool {
         let under = to.dot(surfel.normal);
-        let same_side = surfel.normal.dot(self.facet) > 0.5;
+        let along = surfel.normal.dot(self.facet);
+        let arc = to.dot(self.facet - surfel.normal).abs() <= RISEN * to.length();
+        let floats = along > 0.5 && under > 0.0 || along < -0.5 && under < 0.0 && arc;
         under.abs() <= COPLANAR * surfel.radius + self.slack
-            || (same_side && under > 0.0 && under <= FLOATING * surfel.radius)
+            || (floats && under.abs() <= FLOATING * surfel.radius)
     }
 
     /// Covers the cells below a square of the outline's size, but one to two cells a side: what it covers is shared out

@@ -78,8 +78,10 @@ pub fn build(surfels: &impl SurfelSet) -> Built<Binary> {
     let mut bounds = vec![Bound::default(); discs.len().saturating_sub(1)];
     split(&mut discs, &mut bounds, Bound { center: Vec3::ZERO, radius: f32::INFINITY });
     let topology = Binary { leaves: discs.len() as u32 };
-    // Collected in place: the discs are not needed beside their order.
-    Built { topology, order: discs.into_iter().map(|d| d.surfel).collect(), bounds }
+    // Collected in the memory of the discs, of which most is given back.
+    let mut order: Vec<u32> = discs.into_iter().map(|d| d.surfel).collect();
+    order.shrink_to_fit();
+    Built { topology, order, bounds }
 }
 
 /// Sorts a run of discs into the order of the tree and writes the spheres of its nodes; none is larger than `around`,
