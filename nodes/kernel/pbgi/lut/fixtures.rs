@@ -20,3 +20,16 @@ pub fn walk(count: usize, dims: usize, seed: u64) -> Vec<f32> {
     }
     out
 }
+
+/// `count` vectors that are sums of five vectors and a little of everything, as those of real scenes are.
+pub fn flat(count: usize, dims: usize, seed: u64) -> Vec<f32> {
+    let (of, by) = (noise(5 * dims, 77), walk(count, 5, seed));
+    let mut out = noise(count * dims, seed + 1);
+    for (x, by) in out.chunks_exact_mut(dims).zip(by.chunks_exact(5)) {
+        x.iter_mut().for_each(|x| *x = 0.01 * (*x - 0.5));
+        for (of, by) in of.chunks_exact(dims).zip(by) {
+            x.iter_mut().zip(of).for_each(|(x, of)| *x += by * of);
+        }
+    }
+    out
+}

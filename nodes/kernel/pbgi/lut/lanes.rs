@@ -24,6 +24,8 @@ pub trait Lanes: Copy {
     fn sub(self, other: Self) -> Self;
     /// Product by lane.
     fn mul(self, other: Self) -> Self;
+    /// The larger by lane, that of `other` if one is not a number.
+    fn max(self, other: Self) -> Self;
     /// Bit i is set where lane i of `self` is less than that of `other`.
     fn less(self, other: Self) -> u32;
     /// For each of four: `((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7))`.
@@ -58,6 +60,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] * other.0[i]))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| if self.0[i] > other.0[i] { self.0[i] } else { other.0[i] }))
     }
     #[inline(always)]
     fn less(self, other: Self) -> u32 {
@@ -114,6 +120,11 @@ mod avx2 {
         fn mul(self, other: Self) -> Self {
             // SAFETY: the processor has AVX2, see the type.
             Self(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            // SAFETY: the processor has AVX2, see the type.
+            Self(unsafe { _mm256_max_ps(self.0, other.0) })
         }
         #[inline(always)]
         fn less(self, other: Self) -> u32 {

@@ -4,6 +4,8 @@
 //! the same bits for any number of threads and any instruction set.
 
 mod balance;
+mod best;
+mod boxes;
 mod distinct;
 mod errors;
 #[cfg(test)]
@@ -12,6 +14,7 @@ mod kmeans;
 mod lanes;
 mod nearest;
 mod neighbours;
+mod principal;
 mod seeding;
 
 pub use balance::{Balanced, balance, balanced};

@@ -1,9 +1,12 @@
-//! The nearest entry of a table, exactly, by neighbour lists and a warm start.
+//! The nearest entry of a table, exactly, by neighbour lists and a warm start, and by a tree of boxes where the lists end.
 
+use super::best::Best;
+use super::boxes::Boxes;
 use super::lanes::{
     Eight, GROUP, Lanes, WIDTH, blocked, pad, padded, squared, squared_of_eight, wide,
 };
 use super::neighbours::{Centres, LEAST, MARGIN, Neighbours};
+use super::principal::{Principal, Projected};
 use crate::node::Error;
 
 /// Most entries of a vector.
@@ -12,6 +15,10 @@ pub const DIMS: usize = 128;
 const SMALL: usize = 32;
 /// A search moves to the list of a better entry when that is nearer by this factor.
 const MOVE: f32 = 0.7;
+/// Squares from here on may overflow.
+const TOO_FAR: f32 = 1e37;
+/// Groups of a list that a search looks at even if the list is too short to tell.
+const FIRST: usize = 1;
 
 /// A table that answers which entry is nearest.
 ///
@@ -22,6 +29,8 @@ pub struct Quantizer {
     scale: f32,
     centres: Centres,
     neighbours: Neighbours,
+    projected: Projected,
+    boxes: Boxes,
 }
 
 impl Quantizer {
@@ -42,7 +51,10 @@ impl Quantizer {
         let scale = scale(entries);
         let centres = centres(entries, dims, scale);
         let neighbours = Neighbours::new(&centres);
-        Ok(Quantizer { scale, centres, neighbours })
+        let axes = Principal::new(&centres.padded, dims);
+        let projected = Projected::new(axes, &centres);
+        let boxes = Boxes::new(&projected.points);
+        Ok(Quantizer { scale, centres, neighbours, projected, boxes })
     }
 
     /// Takes the same number of entries that lie near the ones before, faster than [`Quantizer::new`]. `reach` is, by entry, how
@@ -60,6 +72,8 @@ impl Quantizer {
             .map(|(reach, step)| 2.0 * (reach * self.scale + step))
             .collect();
         self.neighbours.follow(&moved, &steps, &needed);
+        self.projected.follow(&moved);
+        self.boxes = Boxes::new(&self.projected.points);
         self.centres = moved;
     }
 
@@ -121,38 +135,51 @@ fn one_square<L: Lanes>(a: &[Eight], b: &[Eight]) -> f32 {
 #[inline(always)]
 fn search<L: Lanes, const N: usize>(table: &Quantizer, x: &[Eight], hint: u32) -> u32 {
     let x = if N == 0 { x } else { &x[..N] };
-    let mut best = hint;
-    let [mut square, ..] = squared::<L>(x, [table.centres.get(hint, x.len()); GROUP]);
-    let mut near = square.sqrt();
+    let [square, ..] = squared::<L>(x, [table.centres.get(hint, x.len()); GROUP]);
+    if square.is_nan() || square >= TOO_FAR {
+        return all::<L>(table, x);
+    }
+    let (_, distances, beyond) = table.neighbours.of(hint as usize);
+    if distances.first().map_or(beyond, |first| first[0]) > reach(square.sqrt(), square) {
+        return hint;
+    }
+    let mut best = Best::new::<L>(&table.centres, &table.projected, x, (hint, square));
+    if walk::<L>(table, &mut best) || table.boxes.search::<L>(&mut best) {
+        return best.entry;
+    }
+    all::<L>(table, x)
+}
+
+/// An entry whose square is at most `square` is at most so far from one that is `from_owner` away.
+#[inline(always)]
+fn reach(from_owner: f32, square: f32) -> f32 {
+    (from_owner + square.sqrt()) * (1.0 + MARGIN) + LEAST
+}
+
+/// Follows the lists of ever nearer entries; false if a list does not tell that the best is the nearest.
+#[inline(always)]
+fn walk<L: Lanes>(table: &Quantizer, best: &mut Best) -> bool {
     'list: loop {
-        let from_owner = near;
-        // An entry as near as the best is at most so far from the owner of the list.
-        let mut reach = (from_owner + near) * (1.0 + MARGIN) + LEAST;
-        let (centres, distances, beyond) = table.neighbours.of(best as usize);
-        for (centres, distances) in centres.iter().zip(distances) {
-            if distances[0] > reach {
-                return best;
+        let from_owner = best.square.sqrt();
+        let mut most = reach(from_owner, best.square);
+        let (centres, distances, beyond) = table.neighbours.of(best.entry as usize);
+        for (at, (centres, distances)) in centres.iter().zip(distances).enumerate() {
+            if distances[0] > most {
+                return true;
             }
-            let squares = squared::<L>(x, centres.map(|centre| table.centres.get(centre, x.len())));
-            let least = squares[0].min(squares[1]).min(squares[2].min(squares[3]));
-            if least <= square {
-                let before = square;
-                for (&centre, &other) in centres.iter().zip(&squares) {
-                    if other < square || (other == square && centre < best) {
-                        (best, square) = (centre, other);
-                    }
+            if at >= FIRST && beyond <= most {
+                return false;
+            }
+            let before = best.square;
+            best.consider::<L>(centres);
+            if best.square < before {
+                if best.square.sqrt() < MOVE * from_owner {
+                    continue 'list;
                 }
-                if square < before {
-                    near = square.sqrt();
-                    if near < MOVE * from_owner {
-                        continue 'list;
-                    }
-                    reach = (from_owner + near) * (1.0 + MARGIN) + LEAST;
-                }
+                most = reach(from_owner, best.square);
             }
         }
-        // Not a number where distances overflow: then all entries are compared, too.
-        return if beyond > reach { best } else { all::<L>(table, x) };
+        return beyond > most;
     }
 }
 
@@ -176,7 +203,7 @@ fn all<L: Lanes>(table: &Quantizer, x: &[Eight]) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fixtures::{noise, walk};
+    use super::super::fixtures::{flat, noise, walk};
     use super::*;
 
     /// The definition: compare with every entry, in the order of [`super::super::lanes::squared`].
@@ -213,6 +240,52 @@ mod tests {
         {
             check(&walk(400, dims, 1), &walk(count, dims, 2), dims);
             check(&noise(100 * dims, 3), &noise(count * dims, 4), dims);
+        }
+    }
+
+    #[test]
+    fn far_vectors_have_the_same_answer() {
+        let entries = flat(3000, 36, 1);
+        for (by, far) in [(1.0, 0.0), (1.0, 0.3), (3.0, 0.0), (-1.0, 2.0), (1e4, -7.0), (1e12, 0.0)]
+        {
+            let vectors: Vec<f32> = flat(150, 36, 2).iter().map(|x| by * x + far).collect();
+            check(&vectors, &entries, 36);
+        }
+    }
+
+    #[test]
+    fn degenerate_tables_have_the_same_answer() {
+        let one_axis: Vec<f32> = noise(900, 1).into_iter().flat_map(|x| [0.0, x, 0.0]).collect();
+        let steps: Vec<f32> = (0..600).map(|i| (i % 40) as f32).collect();
+        let mut nearly_equal = noise(36, 2).repeat(200);
+        nearly_equal.iter_mut().step_by(131).for_each(|x| *x *= 1.0 + f32::EPSILON);
+        for (entries, dims) in [
+            (noise(36, 1).repeat(200), 36),
+            (nearly_equal, 36),
+            (one_axis, 3),
+            (steps, 1),
+            (vec![0.0; 27 * 100], 27),
+        ] {
+            check(&noise(50 * dims, 3), &entries, dims);
+            check(&entries, &entries, dims);
+        }
+    }
+
+    #[test]
+    fn numbers_of_all_sizes_have_the_same_answer() {
+        let sizes = |from: f32, to: f32| -> Vec<f32> {
+            let size = |(i, x): (usize, &f32)| x * if i / 9 % 2 == 0 { from } else { to };
+            walk(300, 9, 1).iter().enumerate().map(size).collect()
+        };
+        for (from, to) in [(1e30, 1e30), (1e-30, 1e-30), (1e30, 1e-30), (1.0, 1e-18), (1e38, 1e19)]
+        {
+            let table = Quantizer::new(&sizes(from, to), 9).unwrap();
+            for by in [from, to, 1e-38, 1e20, 1e38] {
+                for (hint, vector) in (0..).step_by(7).zip(walk(100, 9, 2).chunks_exact(9)) {
+                    let vector: Vec<f32> = vector.iter().map(|x| x * by).collect();
+                    assert_eq!(table.nearest(&vector, hint), table.nearest_of_all(&vector));
+                }
+            }
         }
     }
 

@@ -1,0 +1,211 @@
+//! The axes along which vectors differ most: the few numbers along them bound distances from below.
+
+use super::lanes::{Eight, Lanes, WIDTH, wide};
+use super::neighbours::Centres;
+
+/// Vectors that the axes are fitted to, about.
+const SAMPLE: usize = 2048;
+/// Rounds of subspace iteration: the axes need not be exact.
+const ROUNDS: usize = 16;
+/// What is left of an axis by orthogonalization is rounding if it is shorter by this factor.
+const NOTHING: f64 = 1e-9;
+
+/// Up to eight orthonormal axes, those of largest variance.
+pub struct Principal {
+    /// One number of all axes, for each number of a vector; zeros where there are fewer axes.
+    axes: Vec<Eight>,
+}
+
+impl Principal {
+    /// Fits the axes to padded vectors of `dims` numbers.
+    pub fn new(padded: &[Eight], dims: usize) -> Self {
+        let vectors = padded.chunks_exact(dims.div_ceil(WIDTH));
+        let step = (vectors.len() / SAMPLE).max(1);
+        let covariance = covariance(vectors.step_by(step), dims);
+        // Any axes that are orthogonal to none of those wanted.
+        let start = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9) as i32;
+        let mut axes: [Vec<f64>; WIDTH] =
+            std::array::from_fn(|a| (0..dims).map(|i| start(a * dims + i).into()).collect());
+        for _ in 0..ROUNDS {
+            for axis in &mut axes {
+                *axis = covariance.chunks_exact(dims).map(|row| dot(row, axis)).collect();
+            }
+            orthonormalize(&mut axes);
+        }
+        let of = |i| Eight(std::array::from_fn(|a| axes[a][i] as f32));
+        Principal { axes: (0..dims).map(of).collect() }
+    }
+
+    /// The numbers of padded `x` along the axes.
+    #[inline(always)]
+    pub fn project<L: Lanes>(&self, x: &[Eight]) -> L {
+        let mut sum = L::splat(0.0);
+        for (axes, x) in self.axes.chunks(WIDTH).zip(x) {
+            for (axes, &x) in axes.iter().zip(&x.0) {
+                sum = sum.add(L::splat(x).mul(L::load(axes)));
+            }
+        }
+        sum
+    }
+}
+
+/// Entries along their principal axes.
+pub struct Projected {
+    /// The axes.
+    pub axes: Principal,
+    /// The entries' numbers along them.
+    pub points: Vec<Eight>,
+    /// Length of the longest entry.
+    longest: f32,
+}
+
+impl Projected {
+    /// Projects entries.
+    pub fn new(axes: Principal, centres: &Centres) -> Self {
+        let mut projected = Projected { axes, points: Vec::new(), longest: 0.0 };
+        projected.follow(centres);
+        projected
+    }
+
+    /// Projects other entries to the same axes.
+    pub fn follow(&mut self, centres: &Centres) {
+        let lanes = centres.dims.div_ceil(WIDTH);
+        self.points.resize(centres.count, Eight::default());
+        project_all(&self.axes, &centres.padded, &mut self.points);
+        let square =
+            |x: &[Eight]| -> f64 { x.iter().flat_map(|x| x.0).map(|x| f64::from(x).powi(2)).sum() };
+        self.longest =
+            centres.padded.chunks_exact(lanes).map(square).fold(0.0, f64::max).sqrt() as f32;
+    }
+
+    /// How much farther than it is a vector may seem from any entry, measured along the axes, if it is `near` to one.
+    #[inline(always)]
+    pub fn slack(&self, near: f32) -> f32 {
+        // A sum of n products is off by at most n half epsilons of the product of lengths, eight of them by a root of eight of that.
+        let relative = 1.5 * f32::EPSILON * (self.axes.axes.len() + 4) as f32;
+        relative * (2.0 * self.longest + near)
+    }
+}
+
+wide! { fn project_all(axes: &Principal, padded: &[Eight], points: &mut [Eight]) = project }
+
+#[inline(always)]
+fn project<L: Lanes>(axes: &Principal, padded: &[Eight], points: &mut [Eight]) {
+    let lanes = padded.len() / points.len();
+    for (x, point) in padded.chunks_exact(lanes).zip(points) {
+        *point = Eight(axes.project::<L>(x).store());
+    }
+}
+
+fn covariance<'a>(vectors: impl Iterator<Item = &'a [Eight]> + Clone, dims: usize) -> Vec<f64> {
+    let numbers = |vector: &'a [Eight]| vector.iter().flat_map(|x| x.0).map(f64::from);
+    let count = vectors.clone().count() as f64;
+    let mut mean = vec![0.0; dims];
+    for vector in vectors.clone() {
+        mean.iter_mut().zip(numbers(vector)).for_each(|(mean, x)| *mean += x / count);
+    }
+    let mut covariance = vec![0.0; dims * dims];
+    for vector in vectors {
+        let from_mean: Vec<f64> = numbers(vector).zip(&mean).map(|(x, mean)| x - mean).collect();
+        for (row, x) in covariance.chunks_exact_mut(dims).zip(&from_mean) {
+            row.iter_mut().zip(&from_mean).for_each(|(sum, y)| *sum += x * y);
+        }
+    }
+    covariance
+}
+
+/// Makes axes orthogonal to those before and of length 1; those that depend on others become zero.
+fn orthonormalize(axes: &mut [Vec<f64>]) {
+    for at in 0..axes.len() {
+        let (before, axis) = axes.split_at_mut(at);
+        let axis = &mut axis[0];
+        let length = dot(axis, axis).sqrt();
+        // The second time removes what rounding left the first time.
+        for _ in 0..2 {
+            for other in &*before {
+                let along = dot(axis, other);
+                axis.iter_mut().zip(other).for_each(|(x, other)| *x -= along * other);
+            }
+        }
+        let left = dot(axis, axis).sqrt();
+        let by = if left > NOTHING * length { 1.0 / left } else { 0.0 };
+        axis.iter_mut().for_each(|x| *x *= by);
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fixtures::{flat, noise, walk};
+    use super::super::lanes::{Portable, blocked, padded};
+    use super::*;
+
+    fn projected(vectors: &[f32], dims: usize) -> (Projected, Centres) {
+        let padded = padded(vectors, dims, 1.0);
+        let blocked = blocked(&padded, dims.div_ceil(WIDTH), dims);
+        let centres = Centres { dims, count: vectors.len() / dims, padded, blocked };
+        (Projected::new(Principal::new(&centres.padded, dims), &centres), centres)
+    }
+
+    /// Length in f64 of a difference.
+    fn apart(a: impl Iterator<Item = f32>, b: impl Iterator<Item = f32>) -> f64 {
+        a.zip(b).map(|(a, b)| (f64::from(a) - f64::from(b)).powi(2)).sum::<f64>().sqrt()
+    }
+
+    #[test]
+    fn vectors_never_seem_farther_along_the_axes() {
+        let mut equal = noise(36, 1).repeat(300);
+        equal[36 * 200] += 1e-6;
+        for (vectors, dims) in [
+            (noise(128 * 300, 1), 128),
+            (walk(300, 36, 1).iter().map(|x| x + 100.0).collect(), 36),
+            (flat(300, 27, 1), 27),
+            (noise(300, 1), 1),
+            (vec![0.0; 9 * 300], 9),
+            (equal, 36),
+        ] {
+            let (projected, centres) = projected(&vectors, dims);
+            let lanes = dims.div_ceil(WIDTH);
+            for (i, a) in (0..300).flat_map(|i| [i + 1, i * 7 + 1, 0].map(|a| (i, a % 300))) {
+                let numbers = |c: u32| centres.get(c, lanes).iter().flat_map(|x| x.0);
+                let [x, y] = [i, a].map(|c| projected.points[c as usize].0);
+                let (seems, is) =
+                    (apart(x.into_iter(), y.into_iter()), apart(numbers(i), numbers(a)));
+                assert!(seems <= is * (1.0 + 1e-6) + f64::from(projected.slack(is as f32)));
+            }
+        }
+    }
+
+    #[test]
+    fn the_axes_are_those_of_largest_variance() {
+        let vectors = flat(3000, 36, 1);
+        let (projected, centres) = projected(&vectors, 36);
+        for (i, a) in (0..3000).map(|i| (i, (i * 97 + 1500) % 3000)) {
+            let numbers = |c: u32| centres.get(c, 5).iter().flat_map(|x| x.0);
+            let [x, y] = [i, a].map(|c| projected.points[c as usize].0);
+            let (seems, is) = (apart(x.into_iter(), y.into_iter()), apart(numbers(i), numbers(a)));
+            // All but the noise in the other axes, at most 0.01 each.
+            assert!(seems >= is - 0.06, "{seems} {is}");
+        }
+        // Of two numbers that differ, the others being constant, both are told in full.
+        let two: Vec<f32> = noise(200, 3).chunks(2).flat_map(|x| [5.0, x[0], 7.0, x[1]]).collect();
+        let projected = self::projected(&two, 4).0;
+        for (a, b) in two.chunks(4).zip(two.chunks(4).skip(1)).zip(0..).map(|((a, b), i)| {
+            let [x, y] = [i, i + 1].map(|c: usize| projected.points[c].0.into_iter());
+            (apart(a.iter().copied(), b.iter().copied()), apart(x, y))
+        }) {
+            assert!((a - b).abs() < 1e-5, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn any_instruction_set_projects_to_the_same_bits() {
+        let (projected, centres) = projected(&noise(100 * 27, 1), 27);
+        for (x, point) in centres.padded.chunks_exact(4).zip(&projected.points) {
+            assert_eq!(projected.axes.project::<Portable>(x).store(), point.0);
+        }
+    }
+}
