@@ -10,8 +10,8 @@ use crate::node::{All, Ctx, Error, Item, Node};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-/// Vectors for each entry, where it learns from nodes: of those that several would share, the fewer the better the
-/// large nodes are met.
+/// Nodes that are learned from for each entry. With more of them the many small nodes take entries from the few
+/// large ones, which are seen from farther and by more receivers.
 const VECTORS: usize = 4;
 
 crate::choice! {
