@@ -1,7 +1,7 @@
 //! Single flight: one lock file for each action, held by whoever computes it, on this host or another.
 //!
-//! The lock belongs to the open file, so a killed owner frees it and nothing has to be unlocked by hand. Lock files are
-//! left where they are when released; eviction removes those that nobody holds (see [`remove_unheld`]).
+//! The lock belongs to the open file, so a killed owner frees it. Lock files are left where they are when released;
+//! eviction removes those that nobody holds (see [`remove_unheld`]).
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{self, ErrorKind};
@@ -18,7 +18,13 @@ use super::{Store, StoreError, with_parent};
 #[derive(Debug)]
 #[must_use = "the lock is released as soon as the guard is dropped"]
 pub struct Guard {
-    _held: File,
+    held: File,
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        release(&self.held);
+    }
 }
 
 impl Store {
@@ -53,7 +59,7 @@ pub(super) fn lock_at(path: &Path) -> Result<Option<Guard>, StoreError> {
             || OpenOptions::new().read(true).write(true).create(true).truncate(false).open(path);
         let file = with_parent(path, open).map_err(StoreError::at("open", path))?;
         match take(&file, path) {
-            Ok(Take::Held) => return Ok(Some(Guard { _held: file })),
+            Ok(Take::Held) => return Ok(Some(Guard { held: file })),
             Ok(Take::Busy) => return Ok(None),
             Ok(Take::Stale) => {}
             Err(cause) => return Err(StoreError::NoLocks { path: path.to_owned(), cause }),
@@ -80,12 +86,23 @@ pub(super) fn take(file: &File, path: &Path) -> io::Result<Take> {
         Err(TryLockError::Error(cause)) => return Err(cause),
     }
     let held = file.metadata()?;
-    match fs::metadata(path) {
-        Ok(named) if (named.dev(), named.ino()) == (held.dev(), held.ino()) => Ok(Take::Held),
+    let taken = match fs::metadata(path) {
+        Ok(named) if (named.dev(), named.ino()) == (held.dev(), held.ino()) => {
+            return Ok(Take::Held);
+        }
         Ok(_) => Ok(Take::Stale),
         Err(cause) if cause.kind() == ErrorKind::NotFound => Ok(Take::Stale),
         Err(cause) => Err(cause),
-    }
+    };
+    release(file);
+    taken
+}
+
+/// Frees the lock of `file` at once. Closing alone does not: a process that is just being started by another thread
+/// holds a copy of every open file until its program is loaded, and with it the lock.
+pub(super) fn release(file: &File) {
+    // Should it fail, the lock ends with the last copy of the file.
+    file.unlock().ok();
 }
 
 /// Removes the file at `path` unless somebody holds its lock. True when it is gone; an error when the lock cannot be
@@ -95,7 +112,10 @@ pub(super) fn remove_unheld(path: &Path) -> io::Result<bool> {
     let file =
         OpenOptions::new().read(true).write(true).open(path).or_else(|_| File::open(path))?;
     match take(&file, path)? {
-        Take::Held => fs::remove_file(path).map(|()| true),
+        Take::Held => {
+            let _guard = Guard { held: file };
+            fs::remove_file(path).map(|()| true)
+        }
         Take::Busy | Take::Stale => Ok(false),
     }
 }
@@ -118,6 +138,20 @@ mod tests {
         assert!(store.lock(&Digest::of(b"other")).unwrap().is_some());
         drop(guard);
         assert!(store.lock(&key).unwrap().is_some());
+    }
+
+    #[test]
+    fn a_copy_of_the_open_file_does_not_keep_the_lock() {
+        let (_dir, store) = open();
+        let key = Digest::of(b"key");
+        let guard = store.lock(&key).unwrap().unwrap();
+        let _copy = guard.held.try_clone().unwrap();
+        drop(guard);
+        assert!(store.lock(&key).unwrap().is_some());
+        let temp = store.temp().unwrap();
+        let (_copy, to) = (temp.file.try_clone().unwrap(), store.root.join("kept"));
+        temp.keep(&to).unwrap();
+        assert!(remove_unheld(&to).unwrap());
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::process;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::lock::{Take, remove_unheld, take};
+use super::lock::{Take, release, remove_unheld, take};
 use super::{Store, StoreError, is_older, with_parent};
 
 const DAY: Duration = Duration::from_secs(24 * 3600);
@@ -38,6 +38,7 @@ impl Drop for Temp {
             // Nothing can be done about a failure here; the next sweep tries again.
             fs::remove_file(&self.path).ok();
         }
+        release(&self.file);
     }
 }
 
