@@ -334,3 +334,20 @@ fn a_closed_sphere_does_not_leak() {
         }
     }
 }
+
+#[test]
+fn rays_at_corners_do_not_leak() {
+    let mut leaks = 0;
+    for (centre, radius) in [(Vec3::ZERO, 1.0), (Vec3::new(50.0, -3.0, 7.0), 10.0)] {
+        let triangles = sphere(centre, radius);
+        let world = world(&triangles, &[]);
+        let mut random = Random(11);
+        for _ in 0..8 {
+            let eye = centre + (random.point() - Vec3::splat(0.5)) * radius;
+            for [corner, ..] in &triangles {
+                leaks += u32::from(!world.occluded(eye, eye + (*corner - eye) * 3.0, OPAQUE));
+            }
+        }
+    }
+    assert_eq!(leaks, 0);
+}

@@ -89,7 +89,11 @@ pub(super) fn corners<L: Lanes>(leaf: &Leaf, origin: Three<L>) -> [Three<L>; 3] 
 
 /// The weight that a ray may lack, per unit of a triangle's shortest side, the triangle's distance and the length of
 /// the ray's direction (or of the edge's product with it). Lets a ray pass half of this share of its distance outside.
-const FORGIVEN: f32 = 1.0 / (1 << 18) as f32;
+///
+/// As small as corners allow: of rays aimed straight at a closed mesh's corners one in a thousand slips through when
+/// nothing is forgiven, 3 in 100,000 at half of this and one in a million at this. Eight times as much makes 7 of
+/// 100,000 random shadow rays stop at a triangle that they miss.
+const FORGIVEN: f32 = 1.0 / (1 << 21) as f32;
 
 /// The share that is forgiven of the product of a triangle's shortest side and its distance, and that of the side.
 #[inline(always)]
