@@ -3,11 +3,13 @@
 use crate::data::{Camera, DeepFramebuffer, Environment, Geometry, Image, Materials, Poses};
 use crate::kernel::neighbours::{Features, nearest_of_3x3};
 use crate::kernel::nine_vectors::{nine_vector, nine_vectors};
-use crate::kernel::primary::{Lens, background};
+use crate::kernel::primary::{Lens, Seen, background};
+use crate::kernel::receivers::TILE;
 use crate::kernel::stage::Stage;
 use crate::node::{Ctx, Error, Item, Node, Problems};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -68,19 +70,23 @@ impl Node for AntiAlias {
         let features = nine_vectors(ctx, &input.framebuffer, &input.geometry, weights)?;
         let lens = Lens::new(&input.camera, width, height);
         let view = View { input: &input, stage: &stage, lens, features, weights };
-        let (rows, lost) = (AtomicU64::new(0), AtomicU64::new(0));
-        let radiance: Vec<Vec<Vec3>> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                ctx.tick(rows.fetch_add(1, Ordering::Relaxed), height as u64)?;
-                Ok((0..width).map(|x| self.average(&view, x, y, &lost)).collect())
-            })
-            .collect::<Result<_, Error>>()?;
+        let (done, lost) = (AtomicU64::new(0), AtomicU64::new(0));
+        let mut radiance = vec![Vec3::ZERO; width * height];
+        radiance.par_chunks_mut(TILE * width.max(1)).enumerate().try_for_each(|(band, radiance)| {
+            ctx.tick(done.fetch_add(TILE as u64, Ordering::Relaxed), height as u64)?;
+            let mut fine = vec![Vec3::ZERO; (TILE * self.factor as usize).pow(2)];
+            for left in (0..width).step_by(TILE) {
+                let pixels = [left..(left + TILE).min(width), band * TILE..band * TILE + radiance.len() / width];
+                self.look(&view, &pixels, &mut fine, &lost);
+                self.average(&view, &pixels, &fine, &mut radiance[left..]);
+            }
+            Ok::<(), Error>(())
+        })?;
         let lost = lost.into_inner();
         if lost > 0 {
             ctx.note(format!("{lost} samples see a surface that no pixel around them sees: only its emission is shown"));
         }
-        Ok(Image::new(width, height, radiance.concat()))
+        Ok(Image::new(width, height, radiance))
     }
 }
 
@@ -93,31 +99,71 @@ struct View<'a> {
     weights: [f32; 3],
 }
 
+/// Columns and rows of the pixels of a tile.
+type Pixels = [Range<usize>; 2];
+
 impl AntiAlias {
-    fn average(&self, view: &View<'_>, x: usize, y: usize, lost: &AtomicU64) -> Vec3 {
-        let (width, _) = view.input.image.size();
-        let own = view.input.image.radiance[y * width + x];
-        let middle = self.factor / 2;
-        let mut sum = Vec3::ZERO;
-        for sy in 0..self.factor {
-            for sx in 0..self.factor {
-                if (sx, sy) == (middle, middle) {
-                    sum += own;
-                    continue;
+    /// Looks at the fine samples of some pixels, the pixels' own left out, a tile of them at once: their colours, row by
+    /// row, into `fine`.
+    fn look(&self, view: &View<'_>, pixels: &Pixels, fine: &mut [Vec3], lost: &AtomicU64) {
+        let factor = self.factor as usize;
+        let [across, down] = [0, 1].map(|axis| pixels[axis].len() * factor);
+        let mut at = Vec::with_capacity(TILE * TILE);
+        let mut place = Vec::with_capacity(TILE * TILE);
+        for (top, left) in tiles(down).flat_map(|top| tiles(across).map(move |left| (top, left))) {
+            at.clear();
+            place.clear();
+            for y in top..(top + TILE).min(down) {
+                for x in left..(left + TILE).min(across) {
+                    if (x % factor, y % factor) != (factor / 2, factor / 2) {
+                        let offset = Vec2::new((x % factor) as f32 + 0.5, (y % factor) as f32 + 0.5) / factor as f32;
+                        let pixel = [pixels[0].start + x / factor, pixels[1].start + y / factor];
+                        at.push(Vec2::new(pixel[0] as f32, pixel[1] as f32) + offset);
+                        place.push((y * across + x, pixel));
+                    }
                 }
-                let offset = Vec2::new(sx as f32 + 0.5, sy as f32 + 0.5) / self.factor as f32;
-                sum += view.colour(x, y, Vec2::new(x as f32, y as f32) + offset, lost);
+            }
+            view.lens.see_all(view.stage, &at, |i, seen| {
+                let (at, pixel) = place[i];
+                fine[at] = view.colour(pixel, seen, lost);
+            });
+        }
+    }
+
+    /// The mean of each pixel's samples, its own among them, into `radiance`, whose rows are those of the picture.
+    fn average(&self, view: &View<'_>, pixels: &Pixels, fine: &[Vec3], radiance: &mut [Vec3]) {
+        let (width, _) = view.input.image.size();
+        let factor = self.factor as usize;
+        let across = pixels[0].len() * factor;
+        for (y, row) in pixels[1].clone().enumerate() {
+            for (x, column) in pixels[0].clone().enumerate() {
+                let mut sum = Vec3::ZERO;
+                for sy in 0..factor {
+                    for sx in 0..factor {
+                        sum += if (sx, sy) == (factor / 2, factor / 2) {
+                            view.input.image.radiance[row * width + column]
+                        } else {
+                            fine[(y * factor + sy) * across + x * factor + sx]
+                        };
+                    }
+                }
+                radiance[y * width + x] = sum / (factor * factor) as f32;
             }
         }
-        sum / (self.factor * self.factor) as f32
     }
 }
 
+/// Where tiles of a line of this length begin.
+fn tiles(length: usize) -> impl Iterator<Item = usize> {
+    (0..length).step_by(TILE)
+}
+
 impl View<'_> {
-    fn colour(&self, x: usize, y: usize, at: Vec2, lost: &AtomicU64) -> Vec3 {
-        let Some((_, surface)) = self.lens.see(self.stage, at) else {
-            let (_, direction) = self.lens.ray(at);
-            return self.input.environment.as_deref().map_or(Vec3::ZERO, |e| background(e, direction));
+    /// The colour of a fine sample within `pixel`.
+    fn colour(&self, [x, y]: [usize; 2], seen: Seen, lost: &AtomicU64) -> Vec3 {
+        let (_, surface) = match seen {
+            Ok(seen) => seen,
+            Err(direction) => return self.input.environment.as_deref().map_or(Vec3::ZERO, |e| background(e, direction)),
         };
         let query = nine_vector(&surface, &self.input.geometry, self.weights);
         match nearest_of_3x3(&self.features, (x as u32, y as u32), &query) {

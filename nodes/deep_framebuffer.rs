@@ -2,7 +2,8 @@
 //! (Hašan et al. 2008, section 5).
 
 use crate::data::{self, Array, Camera, Environment, Geometry, Materials, NONE, Poses};
-use crate::kernel::primary::{Lens, background};
+use crate::kernel::primary::{Lens, Seen, background};
+use crate::kernel::receivers::TILE;
 use crate::kernel::stage::Stage;
 use crate::node::{Ctx, Error, Item, Node, Sizes};
 use glam::{Vec2, Vec3};
@@ -48,6 +49,20 @@ struct Sample {
     triangle: u32,
 }
 
+impl Sample {
+    /// No surface, and darkness.
+    const NOTHING: Sample = Sample {
+        position: Vec3::ZERO,
+        normal: Vec3::ZERO,
+        facet: Vec3::ZERO,
+        albedo: Vec3::ZERO,
+        specular: Vec3::ZERO,
+        roughness: 1.0,
+        emitted: Vec3::ZERO,
+        triangle: NONE,
+    };
+}
+
 impl Node for DeepFramebuffer {
     const KIND: &'static str = "DeepFramebuffer";
     const VERSION: u32 = 1;
@@ -69,15 +84,27 @@ impl Node for DeepFramebuffer {
         let stage = Stage::of(ctx, &input.geometry, &input.materials, &input.poses)?;
         let lens = Lens::new(&input.camera, width, height);
         let environment = input.environment.as_deref();
-        let rows: Vec<Vec<Sample>> = (0..height)
+        let bands: Vec<Vec<Sample>> = (0..height)
             .into_par_iter()
-            .map(|y| {
-                ctx.tick(y as u64, height as u64)?;
-                let pixel = |x: usize| self.see(&stage, &lens, environment, Vec2::new(x as f32 + 0.5, y as f32 + 0.5));
-                Ok((0..width).map(pixel).collect())
+            .step_by(TILE)
+            .map(|top| {
+                ctx.tick(top as u64, height as u64)?;
+                let rows = top..(top + TILE).min(height);
+                let mut band = vec![Sample::NOTHING; rows.len() * width];
+                for left in (0..width).step_by(TILE) {
+                    let columns = left..(left + TILE).min(width);
+                    let pixels: Vec<(usize, usize)> =
+                        rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))).collect();
+                    let at: Vec<Vec2> = pixels.iter().map(|&(x, y)| Vec2::new(x as f32 + 0.5, y as f32 + 0.5)).collect();
+                    lens.see_all(&stage, &at, |i, seen| {
+                        let (x, y) = pixels[i];
+                        band[(y - top) * width + x] = self.sample(seen, environment);
+                    });
+                }
+                Ok(band)
             })
             .collect::<Result<_, Error>>()?;
-        let samples: Vec<Sample> = rows.into_iter().flatten().collect();
+        let samples = bands.concat();
         if samples.iter().all(|s| s.triangle == NONE) {
             ctx.note("the camera sees no surface at any pixel");
         }
@@ -86,9 +113,9 @@ impl Node for DeepFramebuffer {
 }
 
 impl DeepFramebuffer {
-    fn see(&self, stage: &Stage, lens: &Lens<'_>, environment: Option<&Environment>, at: Vec2) -> Sample {
-        match lens.see(stage, at) {
-            Some((hit, surface)) => Sample {
+    fn sample(&self, seen: Seen, environment: Option<&Environment>) -> Sample {
+        match seen {
+            Ok((hit, surface)) => Sample {
                 position: surface.position,
                 normal: surface.normal,
                 facet: surface.facet,
@@ -98,20 +125,9 @@ impl DeepFramebuffer {
                 emitted: surface.emitted,
                 triangle: hit.triangle,
             },
-            None => {
-                let (_, direction) = lens.ray(at);
+            Err(direction) => {
                 let emitted = environment.map_or(Vec3::ZERO, |e| background(e, direction));
-                let none = Vec3::ZERO;
-                Sample {
-                    position: none,
-                    normal: none,
-                    facet: none,
-                    albedo: none,
-                    specular: none,
-                    roughness: 1.0,
-                    emitted,
-                    triangle: NONE,
-                }
+                Sample { emitted, ..Sample::NOTHING }
             }
         }
     }

@@ -7,9 +7,9 @@
 use crate::data::{Array, DeepFramebuffer, Geometry, Image, Lights, Materials, NONE, PixelMaps, Poses, Representatives};
 use crate::kernel::checkpoint::Checkpoint;
 use crate::kernel::light_tensor::{LightTensor, RayTensor};
-use crate::kernel::neighbours::{Features, compose};
-use crate::kernel::nine_vectors::nine_vectors;
+use crate::kernel::mapper::{Mapper, Maps};
 use crate::kernel::receivers::Receivers;
+use crate::kernel::scaled_sums::Waiting;
 use crate::kernel::stage::Stage;
 use crate::kernel::visibility::Ends;
 use crate::node::{All, Ctx, Error, Item, Node, Sequence, Sizes};
@@ -17,11 +17,13 @@ use glam::Vec3;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Receivers whose sums for all frames served fit the second-level cache.
 const BLOCK: usize = 8 * Ends::CAPACITY;
+
+/// Pixels that are mapped as one piece of work.
+const CHUNK: usize = 4096;
 
 crate::params! {
     /// Renders one column for each representative and adds it, scaled and mapped, to every frame it
@@ -191,25 +193,31 @@ impl<'a> Pass<'a> {
             member.ctx.pass_evaluated(self.columns.len() as u64 * receivers.samples.len() as u64);
         }
         // The sums of a block for all members together fit the cache as those of one do.
-        let block = (BLOCK / self.members.len()).next_multiple_of(Ends::CAPACITY);
+        let block = (BLOCK / self.members.len()).next_power_of_two().max(Ends::CAPACITY);
         let sums = self.sum_columns(&tensor, &receivers, block)?;
-        let mut source = vec![Vec3::ZERO; framebuffer.triangle.len()];
-        let mut mapper = Mapper::new(input, first.ctx, self.source)?;
+        let place = receivers.places(framebuffer.triangle.len());
+        let shot = Maps { framebuffer: &input.framebuffer, geometry: &input.geometry, maps: input.maps.as_ref() };
+        let mut mapper = Mapper::new(shot, first.ctx, self.source)?;
         let active = || self.members.iter().map(|m| m.served.clone()).filter(|served| !served.is_empty());
         let start = active().map(|served| served.start).min().unwrap_or(0);
         let end = active().map(|served| served.end).max().unwrap_or(0);
         let here = self.source.clamp(start, end);
         // Outward in both directions, so that each map is composed from the one before.
         for k in (here..end).chain((start..here).rev()) {
+            let map = mapper.to(k)?;
             for (m, member) in self.members.iter().enumerate().filter(|(_, member)| member.served.contains(&k)) {
-                source.fill(Vec3::ZERO);
-                for (sums, pixels) in sums.iter().zip(receivers.pixel.chunks(block)) {
-                    let sum = &sums[m][(k - member.served.start) * 3 * pixels.len()..][..3 * pixels.len()];
-                    for (pixel, colour) in pixels.iter().zip(sum.as_chunks::<3>().0) {
-                        source[*pixel as usize] = Vec3::from_array(*colour);
-                    }
-                }
-                mapper.add(k, &source, &mut shots[m].images[k])?;
+                let frame = k - member.served.start;
+                let sum = |pixel: u32| {
+                    let at = *place.get(pixel as usize).filter(|at| **at != NONE)? as usize;
+                    let sums = &sums[at / block][m];
+                    let pixels = sums.len() / member.served.len();
+                    Some(sums[frame * pixels + at % block])
+                };
+                let target = &mut shots[m].images[k];
+                target.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(pixel, target)| {
+                    let source = map.map_or(pixel as u32, |map| map[pixel]);
+                    *target += sum(source).unwrap_or(Vec3::ZERO);
+                });
             }
         }
         for shot in shots {
@@ -222,28 +230,31 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
-    /// For each block of receivers and each member, `[frame served][receiver][channel]`: the sum of its
-    /// columns with their weights in that frame.
-    fn sum_columns(&self, tensor: &RayTensor<'_>, receivers: &Receivers, block: usize) -> Result<Vec<Vec<Vec<f32>>>, Error> {
+    /// For each block of receivers and each member, `[frame served][receiver]`: the sum of its columns with their
+    /// weights in that frame.
+    fn sum_columns(&self, tensor: &RayTensor<'_>, receivers: &Receivers, block: usize) -> Result<Vec<Vec<Vec<Vec3>>>, Error> {
         let (blocks, finished) = (receivers.samples.len().div_ceil(block).max(1) as u64, AtomicU64::new(0));
         receivers
             .samples
             .par_chunks(block)
             .map(|block| {
-                let zeros = |member: &Member<'_>| vec![0.0_f32; member.served.len() * 3 * block.len()];
-                let mut sums: Vec<Vec<f32>> = self.members.iter().map(zeros).collect();
-                let mut column = [Vec3::ZERO; Ends::CAPACITY];
-                for (light, users) in &self.columns {
-                    for (p, packet) in block.chunks(Ends::CAPACITY).enumerate() {
-                        let column = &mut column[..packet.len()];
-                        tensor.column(*light as usize, packet, column);
-                        if column.iter().all(|c| *c == Vec3::ZERO) {
+                let served = || self.members.iter().map(|member| member.served.len());
+                let mut sums: Vec<Vec<Vec3>> = served().map(|frames| vec![Vec3::ZERO; frames * block.len()]).collect();
+                let mut waiting = Waiting::new(served());
+                for (t, receivers) in block.chunks(Ends::CAPACITY).enumerate() {
+                    let tile = tensor.tile(receivers);
+                    for (light, users) in &self.columns {
+                        if tensor.column(*light as usize, &tile, waiting.room()) == 0 {
                             continue;
                         }
                         for &(m, r) in users {
-                            self.members[m].add(r, block.len(), p * Ends::CAPACITY, column, &mut sums[m]);
+                            self.members[m].weights(r).for_each(|(frame, weight)| waiting.term(m, frame, weight));
+                        }
+                        if waiting.keep() {
+                            waiting.add(&mut sums, block.len(), t * Ends::CAPACITY);
                         }
                     }
+                    waiting.add(&mut sums, block.len(), t * Ends::CAPACITY);
                 }
                 let finished = finished.fetch_add(1, Ordering::Relaxed) + 1;
                 for member in self.members.iter().filter(|m| !m.served.is_empty()) {
@@ -258,112 +269,11 @@ impl<'a> Pass<'a> {
 }
 
 impl Member<'_> {
-    /// Adds the column of representative `r` on the receivers from `at` on to the sums of a block of
-    /// `block` receivers, with its weight in every frame it serves.
-    fn add(&self, r: usize, block: usize, at: usize, column: &[Vec3], sums: &mut [f32]) {
+    /// The weights of representative `r`, each with the number of its frame among those served.
+    fn weights(&self, r: usize) -> impl Iterator<Item = (usize, Vec3)> {
         let representatives = self.representatives;
         let [from, to] = representatives.frames[r].map(|f| f as usize);
         let weights = &representatives.weight[representatives.first_weight[r] as usize..][..to - from];
-        for (k, weight) in (from..).zip(weights) {
-            let start = ((k - self.served.start) * block + at) * 3;
-            add_scaled(&mut sums[start..start + 3 * column.len()], column, *weight);
-        }
-    }
-}
-
-/// `sum += weight * column`, per channel, as flat numbers: eight pixels are 24 of them, a whole
-/// number of vectors of four and of eight.
-fn add_scaled(sum: &mut [f32], column: &[Vec3], weight: Vec3) {
-    let pattern: [f32; 24] = std::array::from_fn(|i| weight[i % 3]);
-    let column: &[f32] = bytemuck::cast_slice(column);
-    let (sums, sum_rest) = sum.as_chunks_mut::<24>();
-    let (columns, column_rest) = column.as_chunks::<24>();
-    for (sum, column) in sums.iter_mut().zip(columns) {
-        (0..24).for_each(|i| sum[i] += pattern[i] * column[i]);
-    }
-    for (i, (sum, column)) in sum_rest.iter_mut().zip(column_rest).enumerate() {
-        *sum += pattern[i] * column;
-    }
-}
-
-/// Maps images of one frame to others, walking away from it one frame at a time.
-struct Mapper<'a> {
-    input: &'a ReconstructIn,
-    ctx: &'a Ctx,
-    source: usize,
-    /// 9-vectors of the source frame; none where no map is needed.
-    features: Option<Arc<Features>>,
-    /// Frame reached, and its map into the source frame; none at the source itself.
-    reached: (usize, Option<Vec<u32>>),
-}
-
-impl<'a> Mapper<'a> {
-    fn new(input: &'a ReconstructIn, ctx: &'a Ctx, source: usize) -> Result<Self, Error> {
-        let mut features = None;
-        if let Some(maps) = &input.maps && !maps.is_empty() {
-            features = Some(nine_vectors(ctx, &input.framebuffer.broadcast(source)?, &input.geometry, maps.get(0)?.weights)?);
-        }
-        Ok(Mapper { input, ctx, source, features, reached: (source, None) })
-    }
-
-    /// Adds `image` of the source frame to `target` of frame `k`: the source itself, or a frame
-    /// farther out in the same direction as the last, or one on the other side of the source.
-    fn add(&mut self, k: usize, image: &[Vec3], target: &mut [Vec3]) -> Result<(), Error> {
-        if (k > self.source) != (self.reached.0 > self.source) {
-            self.reached = (self.source, None);
-        }
-        while self.reached.0 != k {
-            let next = if k > self.reached.0 { self.reached.0 + 1 } else { self.reached.0 - 1 };
-            self.step(next)?;
-        }
-        match &self.reached.1 {
-            None => target.par_iter_mut().zip(image).for_each(|(t, s)| *t += *s),
-            Some(map) => target.par_iter_mut().zip(map).for_each(|(t, &p)| {
-                if p != NONE {
-                    *t += image[p as usize];
-                }
-            }),
-        }
-        Ok(())
-    }
-
-    fn step(&mut self, next: usize) -> Result<(), Error> {
-        let at = self.reached.0;
-        let (here, there) = (self.input.framebuffer.broadcast(at)?, self.input.framebuffer.broadcast(next)?);
-        // Equal frames have equal maps into the source.
-        if here.digest() == there.digest() {
-            self.reached.0 = next;
-            return Ok(());
-        }
-        let (Some(maps), Some(features)) = (&self.input.maps, &self.features) else {
-            return Err(Error::invalid("representatives serve several frames: connect `maps` from PixelMaps"));
-        };
-        let pair = maps.broadcast(at.min(next))?;
-        let step = if next > at { &pair.forward } else { &pair.backward };
-        let map = match self.reached.1.take() {
-            None => step.to_vec(),
-            Some(onward) => {
-                let target = nine_vectors(self.ctx, &there, &self.input.geometry, pair.weights)?;
-                compose(&onward, step, features, &target).map_err(|e| Error::invalid(e.to_string()))?
-            }
-        };
-        self.reached = (next, Some(map));
-        Ok(())
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn scaled_sums_are_those_of_the_pixels() {
-        let column: Vec<Vec3> = (0..11).map(|i| Vec3::new(i as f32, 1.0, -2.0 * i as f32)).collect();
-        let weight = Vec3::new(2.0, 3.0, 0.5);
-        let mut sum = vec![1.0; 33];
-        add_scaled(&mut sum, &column, weight);
-        for (i, colour) in sum.as_chunks::<3>().0.iter().enumerate() {
-            assert_eq!(Vec3::from_array(*colour), Vec3::ONE + weight * column[i]);
-        }
+        (from - self.served.start..).zip(weights.iter().copied())
     }
 }

@@ -54,10 +54,12 @@ impl Node for Reference {
             .par_chunks(Ends::CAPACITY)
             .map(|packet| {
                 let mut sum = vec![DVec3::ZERO; packet.len()];
+                let tile = tensor.tile(packet);
                 let mut column = vec![Vec3::ZERO; packet.len()];
                 for j in 0..tensor.lights() {
-                    tensor.column(j, packet, &mut column);
-                    sum.iter_mut().zip(&column).for_each(|(s, c)| *s += c.as_dvec3());
+                    if tensor.column(j, &tile, &mut column) != 0 {
+                        sum.iter_mut().zip(&column).for_each(|(s, c)| *s += c.as_dvec3());
+                    }
                 }
                 ctx.tick(done.fetch_add(1, Ordering::Relaxed), packets)?;
                 Ok(sum)

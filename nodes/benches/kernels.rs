@@ -7,7 +7,7 @@ use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use lightloom_nodes::data::{self, LightKind};
 use lightloom_nodes::kernel::light_tensor::{LightTensor, RayTensor};
-use lightloom_nodes::kernel::neighbours::{Features, Pyramid, map};
+use lightloom_nodes::kernel::neighbours::{Features, Pyramid, compose, map};
 use lightloom_nodes::kernel::nine_vectors::nine_vectors;
 use lightloom_nodes::kernel::receivers::Receivers;
 use lightloom_nodes::kernel::stage::Stage;
@@ -103,7 +103,7 @@ fn columns_by_packets(bencher: Bencher) {
         let mut sum = Vec3::ZERO;
         for j in (0..tensor.lights()).step_by(STEP) {
             for packet in samples.chunks(Ends::CAPACITY) {
-                tensor.column(j, packet, &mut column[..packet.len()]);
+                tensor.column(j, &tensor.tile(packet), &mut column[..packet.len()]);
                 sum += column[0];
             }
         }
@@ -156,4 +156,14 @@ fn pixel_map_by_kiddo(bencher: Bencher) {
             |q: &[f32; 9]| tree.query(q).nearest_one::<SquaredEuclidean<f32>>().execute().distance;
         target.iter().map(nearest).sum::<f32>()
     });
+}
+
+#[divan::bench]
+fn map_composed(bencher: Bencher) {
+    let [source, target] = &SHOT.features;
+    let step = map(&Pyramid::build(source), target, f32::INFINITY).pixel;
+    let still: Vec<u32> = (0..source.width() * source.height()).collect();
+    bencher
+        .counter(ItemsCount::new(step.len()))
+        .bench(|| compose(&still, &step, source, target).map(|map| map.len()));
 }

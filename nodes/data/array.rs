@@ -4,7 +4,6 @@ use crate::node::Error;
 use bytemuck::Pod;
 use safetensors::{Dtype, SafeTensors};
 use std::io::Write;
-use std::marker::PhantomData;
 use std::ops::Deref;
 use std::sync::Arc;
 
@@ -45,13 +44,25 @@ impl<const N: usize> Element for [u16; N] {
     const TRAIL: &'static [usize] = &[N];
 }
 
-/// Bytes that stay valid and unchanged for as long as they are held: a mapped blob, or a vector.
+/// Bytes that stay valid, unchanged and where they are for as long as they are held: a mapped blob, or a vector.
 pub type Bytes = Arc<dyn AsRef<[u8]> + Send + Sync>;
 
 enum Storage<T> {
     Owned(Vec<T>),
-    Mapped { bytes: Bytes, start: usize, end: usize, element: PhantomData<T> },
+    Mapped(Mapped<T>),
 }
+
+/// Elements that lie in shared bytes. Where they lie is found once: loops ask for single elements.
+struct Mapped<T> {
+    values: *const [T],
+    /// Keeps the values alive.
+    bytes: Bytes,
+}
+
+// SAFETY: the values are shared and never changed, as a slice of them would be.
+unsafe impl<T: Sync> Send for Mapped<T> {}
+// SAFETY: as above.
+unsafe impl<T: Sync> Sync for Mapped<T> {}
 
 /// An immutable array of elements with a shape, row-major; owned, or mapped from an artifact.
 pub struct Array<T> {
@@ -102,12 +113,9 @@ impl<T: Element> Clone for Array<T> {
     fn clone(&self) -> Self {
         let storage = match &self.storage {
             Storage::Owned(values) => Storage::Owned(values.clone()),
-            Storage::Mapped { bytes, start, end, .. } => Storage::Mapped {
-                bytes: Arc::clone(bytes),
-                start: *start,
-                end: *end,
-                element: PhantomData,
-            },
+            Storage::Mapped(Mapped { values, bytes }) => {
+                Storage::Mapped(Mapped { values: *values, bytes: Arc::clone(bytes) })
+            }
         };
         Array { shape: self.shape.clone(), storage }
     }
@@ -118,9 +126,8 @@ impl<T: Element> Deref for Array<T> {
     fn deref(&self) -> &[T] {
         match &self.storage {
             Storage::Owned(values) => values,
-            Storage::Mapped { bytes, start, end, .. } => {
-                bytemuck::cast_slice(&(**bytes).as_ref()[*start..*end])
-            }
+            // SAFETY: the values lie in the bytes held beside them, which stay valid and unchanged.
+            Storage::Mapped(mapped) => unsafe { &*mapped.values },
         }
     }
 }
@@ -163,12 +170,7 @@ impl<T: Element> Field for Array<T> {
         let aligned: Result<&[T], _> =
             bytemuck::try_cast_slice(&(*arrays.bytes).as_ref()[start..end]);
         let storage = match aligned {
-            Ok(_) => Storage::Mapped {
-                bytes: Arc::clone(&arrays.bytes),
-                start,
-                end,
-                element: PhantomData,
-            },
+            Ok(values) => Storage::Mapped(Mapped { values, bytes: Arc::clone(&arrays.bytes) }),
             Err(_) => {
                 Storage::Owned(bytemuck::pod_collect_to_vec(&(*arrays.bytes).as_ref()[start..end]))
             }

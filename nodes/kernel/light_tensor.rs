@@ -3,6 +3,7 @@
 
 use super::element::{Light, Receiver, element, faces};
 use super::stage::Stage;
+use super::tile::Tile;
 use super::visibility::Ends;
 use crate::data::{LightKind, Lights};
 use glam::Vec3;
@@ -14,8 +15,9 @@ pub trait LightTensor {
     fn element(&self, receiver: &Receiver, light: usize) -> Vec3;
     /// That of every light, in the order of the list, into `row`.
     fn row(&self, receiver: &Receiver, row: &mut [Vec3]);
-    /// That of light `j` on at most 64 receivers, into `column`.
-    fn column(&self, light: usize, receivers: &[Receiver], column: &mut [Vec3]);
+    /// That of light `j` on the receivers of a tile, into `column`; gives which of them it reaches. A tile that the
+    /// light does not reach at all leaves `column` as it was.
+    fn column(&self, light: usize, tile: &Tile<'_>, column: &mut [Vec3]) -> u64;
 }
 
 /// The lighting tensor by rays on the CPU. Rows and columns trace packets that share their end point.
@@ -47,6 +49,11 @@ impl<'a> RayTensor<'a> {
     /// Number of lights.
     pub fn lights(&self) -> usize {
         self.lights.len()
+    }
+
+    /// Receivers as [`LightTensor::column`] takes them.
+    pub fn tile<'r>(&self, receivers: &'r [Receiver]) -> Tile<'r> {
+        Tile::new(receivers, self.stage.bias())
     }
 
     fn end(&self, start: Vec3, light: &Light) -> Vec3 {
@@ -94,22 +101,24 @@ impl LightTensor for RayTensor<'_> {
         );
     }
 
-    fn column(&self, light: usize, receivers: &[Receiver], column: &mut [Vec3]) {
-        column.fill(Vec3::ZERO);
+    fn column(&self, light: usize, tile: &Tile<'_>, column: &mut [Vec3]) -> u64 {
         let light = &self.lights[light];
-        let mut packet = Packet::new();
-        for (i, receiver) in receivers.iter().enumerate().take(Ends::CAPACITY) {
-            if faces(receiver, light) {
-                packet.push(i as u32, receiver.lifted(self.stage.bias()));
+        let facing = tile.facing(light);
+        if facing == 0 {
+            return 0;
+        }
+        let blocked = match light.end(self.stage.bias()) {
+            Some(origin) => self.stage.occluded_from(origin, &tile.lifted, facing),
+            None => self.stage.occluded_parallel(-light.direction, &tile.lifted, facing),
+        };
+        let lit = facing & !blocked;
+        if lit != 0 {
+            for (i, (element, receiver)) in column.iter_mut().zip(tile.receivers).enumerate() {
+                let reached = lit >> i & 1 == 1;
+                *element = if reached { self::element(receiver, light) } else { Vec3::ZERO };
             }
         }
-        packet.visible(
-            |ends, active| match light.end(self.stage.bias()) {
-                Some(origin) => self.stage.occluded_from(origin, ends, active),
-                None => self.stage.occluded_parallel(-light.direction, ends, active),
-            },
-            |i| column[i as usize] = element(&receivers[i as usize], light),
-        );
+        lit
     }
 }
 
@@ -173,10 +182,11 @@ mod tests {
         let mut rows = vec![vec![Vec3::ZERO; tensor.lights()]; receivers.len()];
         receivers.iter().zip(&mut rows).for_each(|(receiver, row)| tensor.row(receiver, row));
         let row_element = |i: usize, j: usize| rows[i][j];
-        let mut column = vec![Vec3::ZERO; receivers.len()];
+        let tile = tensor.tile(&receivers);
         let (mut lit, mut dark) = (0, 0);
         for j in 0..tensor.lights() {
-            tensor.column(j, &receivers, &mut column);
+            let mut column = vec![Vec3::ZERO; receivers.len()];
+            tensor.column(j, &tile, &mut column);
             for (i, receiver) in receivers.iter().enumerate() {
                 let single = tensor.element(receiver, j);
                 assert_eq!(row_element(i, j), column[i], "receiver {i}, light {j}");

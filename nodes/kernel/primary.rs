@@ -2,9 +2,12 @@
 
 use super::latlong;
 use super::stage::{Stage, Surface};
-use super::visibility::Hit;
+use super::visibility::{Ends, Hit};
 use crate::data::{Camera, Environment};
 use glam::{Vec2, Vec3};
+
+/// What a primary ray sees, or its unit direction if it sees nothing.
+pub type Seen = Result<(Hit, Surface), Vec3>;
 
 /// A camera that takes a picture of a given size.
 pub struct Lens<'a> {
@@ -36,10 +39,44 @@ impl<'a> Lens<'a> {
     /// The nearest surface seen through `at` between the clip planes, facing the camera.
     pub fn see(&self, stage: &Stage, at: Vec2) -> Option<(Hit, Surface)> {
         let (origin, direction) = self.ray(at);
-        let cosine = direction.dot(self.camera.forward).max(1e-6);
-        let [near, far] = self.camera.clip.map(|depth| (depth / cosine).min(f32::MAX));
+        let [near, far] = self.limits(direction);
         let hit = stage.closest(origin, direction, near, far)?;
         Some((hit, stage.surface(hit.triangle, hit.u, hit.v).facing(-direction)))
+    }
+
+    /// Calls `seen` with the number of each point of `at` and what [`Lens::see`] gives for it, or the ray's direction
+    /// where it gives nothing. Fastest for points near to each other, 64 at once.
+    pub fn see_all(&self, stage: &Stage, at: &[Vec2], mut seen: impl FnMut(usize, Seen)) {
+        if self.camera.half_height_tangent <= 0.0 {
+            // Parallel rays share no origin.
+            for (i, &at) in at.iter().enumerate() {
+                seen(i, self.see(stage, at).ok_or_else(|| self.ray(at).1));
+            }
+            return;
+        }
+        for (chunk, at) in at.chunks(Ends::CAPACITY).enumerate() {
+            let directions = at.iter().map(|&at| self.ray(at).1).collect::<Vec<_>>();
+            let mut limits = [[0.0; Ends::CAPACITY]; 2];
+            for (i, direction) in directions.iter().enumerate() {
+                [limits[0][i], limits[1][i]] = self.limits(*direction);
+            }
+            let (ends, active) = Ends::from_points(&directions);
+            let hits = stage.closest_from(self.camera.eye, &ends, active, &limits);
+            for (i, (direction, hit)) in directions.into_iter().zip(hits).enumerate() {
+                let surface =
+                    |hit: Hit| stage.surface(hit.triangle, hit.u, hit.v).facing(-direction);
+                seen(
+                    chunk * Ends::CAPACITY + i,
+                    hit.map(|hit| (hit, surface(hit))).ok_or(direction),
+                );
+            }
+        }
+    }
+
+    /// Distances at which a ray of unit `direction` meets the clip planes.
+    fn limits(&self, direction: Vec3) -> [f32; 2] {
+        let cosine = direction.dot(self.camera.forward).max(1e-6);
+        self.camera.clip.map(|depth| (depth / cosine).min(f32::MAX))
     }
 }
 

@@ -1,10 +1,10 @@
 //! The surface samples of a frame, in an order in which neighbours are close: tiles of 8 x 8 pixels.
 
 use super::element::Receiver;
-use crate::data::DeepFramebuffer;
+use crate::data::{DeepFramebuffer, NONE};
 
-/// Side of a tile in pixels; a tile fills one packet of shadow rays.
-const TILE: usize = 8;
+/// Side of a tile in pixels; a tile fills one packet of rays.
+pub const TILE: usize = 8;
 
 /// All pixels of a deep framebuffer that see a surface.
 pub struct Receivers {
@@ -33,5 +33,12 @@ impl Receivers {
             }
         }
         receivers
+    }
+
+    /// For each of a frame's `pixels` pixels the number of its sample, or [`NONE`].
+    pub fn places(&self, pixels: usize) -> Vec<u32> {
+        let mut places = vec![NONE; pixels];
+        self.pixel.iter().zip(0..).for_each(|(pixel, place)| places[*pixel as usize] = place);
+        places
     }
 }

@@ -3,7 +3,7 @@
 use super::brdf::Reflectance;
 use super::posing::posed_vertices;
 use super::texture::{self, Texture};
-use super::visibility::{Blas, Build, Ends, Hit, Instance, World};
+use super::visibility::{Blas, Build, Ends, Hit, Hits, Instance, World};
 use crate::data::{Geometry, Materials, Poses, alpha, instance};
 use crate::node::{Ctx, Digest, Error, Item};
 use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
@@ -382,6 +382,19 @@ impl Stage {
         let hit =
             self.world.closest(origin, direction, near, far, &|t, u, v| self.solid(t, u, v))?;
         Some(Hit { triangle: self.number(hit.triangle), ..hit })
+    }
+
+    /// What [`Stage::closest`] gives along each of the active `directions`, between `limits[0]` and `limits[1]`.
+    pub fn closest_from(
+        &self,
+        origin: Vec3,
+        directions: &Ends,
+        active: u64,
+        limits: &[[f32; Ends::CAPACITY]; 2],
+    ) -> Hits {
+        let solid = |t, u, v| self.solid(t, u, v);
+        let hits = self.world.closest_from(origin, directions, active, limits, &solid);
+        hits.map(|hit| hit.map(|hit| Hit { triangle: self.number(hit.triangle), ..hit }))
     }
 
     /// Whether anything is strictly between two points: the scalar query that packets must match.

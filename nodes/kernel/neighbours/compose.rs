@@ -57,17 +57,22 @@ fn nearest_around(features: &Features, [x, y]: [u32; 2], query: &Padded) -> Opti
     let width = features.width();
     let centre = y * width + x;
     let mut best = padded_distance(&vectors[centre as usize], query);
-    let mut nearest = if best < f32::INFINITY { Some(centre) } else { None };
-    for row in y.saturating_sub(1)..features.height().min(y + 2) {
-        for column in x.saturating_sub(1)..width.min(x + 2) {
+    if best < features.own(centre) {
+        return Some(centre);
+    }
+    let mut nearest = if best < f32::INFINITY { centre } else { UNMAPPED };
+    // At the edges a pixel is met twice, which changes nothing.
+    for row in [y.saturating_sub(1), y, (y + 1).min(features.height() - 1)] {
+        for column in [x.saturating_sub(1), x, (x + 1).min(width - 1)] {
             let pixel = row * width + column;
             let distance = padded_distance(&vectors[pixel as usize], query);
-            if distance < best {
-                (best, nearest) = (distance, Some(pixel));
-            }
+            // Selected, not branched to: which is nearest cannot be foreseen.
+            let nearer = distance < best;
+            nearest = if nearer { pixel } else { nearest };
+            best = if nearer { distance } else { best };
         }
     }
-    nearest
+    (nearest != UNMAPPED).then_some(nearest)
 }
 
 #[cfg(test)]

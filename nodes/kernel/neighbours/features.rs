@@ -1,5 +1,6 @@
 //! The 9-vectors of an image's pixels.
 
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// The index of no pixel: what a map holds for a pixel that has no neighbour.
@@ -85,19 +86,19 @@ pub struct Features {
     height: u32,
     /// An invalid pixel's first component is infinite, which puts it infinitely far from every query.
     vectors: Vec<Padded>,
+    /// For each pixel the squared distance within which it is nearer to a query than the eight around it.
+    own: Vec<f32>,
 }
 
 /// The squared distance of two 9-vectors padded with zeros. The order of the additions is part of the definition: the pyramid's
 /// lane-parallel form adds in the same order and so gives the same bits.
 pub(super) fn padded_distance(a: &Padded, b: &Padded) -> f32 {
-    let mut sums = [0.0f32; 4];
-    for group in 0..3 {
-        for lane in 0..4 {
-            let difference = a[4 * group + lane] - b[4 * group + lane];
-            sums[lane] += difference * difference;
-        }
-    }
-    (sums[0] + sums[1]) + (sums[2] + sums[3])
+    let square = |group: usize| {
+        let difference = Vec4::from_slice(&a[4 * group..]) - Vec4::from_slice(&b[4 * group..]);
+        difference * difference
+    };
+    let sums = square(0) + square(1) + square(2);
+    (sums.x + sums.y) + (sums.z + sums.w)
 }
 
 /// A 9-vector padded with zeros.
@@ -170,8 +171,10 @@ impl Features {
             let usable = valid[pixel] != 0 && searchable(&vector);
             if usable { vector } else { INVALID }
         };
-        let vectors = (0..expected).into_par_iter().map(vector).collect();
-        Ok(Self { width, height, vectors })
+        let vectors: Vec<Padded> = (0..expected).into_par_iter().map(vector).collect();
+        let own = |pixel: usize| own(&vectors, [width as usize, height as usize], pixel);
+        let own = (0..expected).into_par_iter().map(own).collect();
+        Ok(Self { width, height, vectors, own })
     }
 
     /// Pixels in a row.
@@ -195,10 +198,31 @@ impl Features {
         self.vectors.get(pixel as usize).filter(|vector| vector[0].is_finite())
     }
 
+    /// The squared distance below which a query is nearer to the pixel than to any of the eight around it; 0 where that
+    /// is not known.
+    pub(super) fn own(&self, pixel: u32) -> f32 {
+        self.own[pixel as usize]
+    }
+
     /// The padded vectors of all pixels; an invalid pixel's is infinitely far from every valid one.
     pub(super) fn padded(&self) -> &[Padded] {
         &self.vectors
     }
+}
+
+/// A quarter of the squared distance to the nearest of the eight pixels around one: by the triangle inequality a query
+/// that is closer has none of them nearer. A little less, for rounding; 0 where squares lose their precision.
+fn own(vectors: &[Padded], [width, height]: [usize; 2], pixel: usize) -> f32 {
+    let (x, y) = (pixel % width, pixel / width);
+    let mut least = f32::INFINITY;
+    for row in y.saturating_sub(1)..height.min(y + 2) {
+        for column in x.saturating_sub(1)..width.min(x + 2) {
+            if (column, row) != (x, y) {
+                least = least.min(padded_distance(&vectors[pixel], &vectors[row * width + column]));
+            }
+        }
+    }
+    if least > 1e-25 { least.min(f32::MAX) * (0.25 - 1e-5) } else { 0.0 }
 }
 
 /// The vector of an invalid pixel.

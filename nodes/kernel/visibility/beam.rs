@@ -142,6 +142,12 @@ impl Beam {
         .if_finite()
     }
 
+    /// The same rays, the farthest of which reaches `end` lengths of its vector.
+    #[inline(always)]
+    pub(super) fn reaching(self, end: f32) -> Self {
+        Self { last: (self.last * end).min(f32::MAX), ..self }
+    }
+
     #[inline(always)]
     fn if_finite(self) -> Option<Self> {
         let [a, b] = &self.sides;

@@ -3,7 +3,8 @@
 //! A [`Blas`] is the eight-wide bounding hierarchy of one mesh, a [`World`] places meshes as instances and answers
 //! queries. Many-light rendering asks for rows and columns of the lighting matrix: all segments between one point and
 //! many. [`World::occluded_from`] and, for directional lights, [`World::occluded_parallel`] trace up to 64 such rays
-//! together, which is several times faster than [`World::occluded`] one by one; the scalar queries are the reference.
+//! together, which is several times faster than [`World::occluded`] one by one; [`World::closest_from`] does the same
+//! for what a camera sees. The scalar queries are the reference.
 //!
 //! Answers are the same bits on every processor and do not depend on the number of threads.
 
@@ -11,6 +12,7 @@ mod beam;
 mod build;
 mod hierarchy;
 mod lanes;
+mod nearest;
 mod packet;
 mod pages;
 mod picked;
@@ -42,6 +44,9 @@ pub struct Hit {
     /// The barycentric weight of vertex 2.
     pub v: f32,
 }
+
+/// The nearest hit of each of up to 64 rays; none where nothing is hit.
+pub type Hits = [Option<Hit>; Ends::CAPACITY];
 
 /// Up to 64 points, axis by axis, world space. Which of them count is said by a query's mask.
 #[derive(Clone, Debug)]

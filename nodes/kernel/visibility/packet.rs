@@ -24,18 +24,54 @@ pub(super) trait Leaves {
 /// Rays in some frame. If they are not `PARALLEL`, they are the segments from `origin` to `origin + vector`; if they
 /// are, they start at `origin + vector` and go along `direction` without end.
 pub(super) struct Packet<const PARALLEL: bool> {
-    origin: [f32; 3],
+    pub(super) origin: [f32; 3],
     direction: [f32; 3],
-    vector: [PerRay; 3],
+    pub(super) vector: [PerRay; 3],
     /// Per ray, what boxes' bounds are multiplied by; if parallel, what is taken from them after multiplication.
     scale: [PerRay; 3],
     /// Each vector's largest coordinate.
-    length: PerRay,
+    pub(super) length: PerRay,
     inverse: [f32; 3],
-    beam: Option<Beam>,
+    pub(super) beam: Option<Beam>,
     /// How far from `origin` rays start.
     reach: f32,
     count: usize,
+}
+
+/// Where the rays of a packet end, in lengths of their vectors. A trait, so that ends that are all the same are not
+/// read.
+pub(super) trait RayEnds {
+    /// The end of one ray, in every lane.
+    fn ray<L: Lanes>(&self, ray: usize) -> L;
+    /// Those of a group of rays.
+    fn group<L: Lanes>(&self, group: usize) -> L;
+}
+
+/// Segments end where their vector does, parallel rays nowhere.
+struct Whole<const PARALLEL: bool>;
+
+impl<const PARALLEL: bool> RayEnds for Whole<PARALLEL> {
+    #[inline(always)]
+    fn ray<L: Lanes>(&self, _: usize) -> L {
+        L::splat(if PARALLEL { f32::INFINITY } else { 1.0 })
+    }
+
+    #[inline(always)]
+    fn group<L: Lanes>(&self, group: usize) -> L {
+        self.ray(group)
+    }
+}
+
+impl RayEnds for PerRay {
+    #[inline(always)]
+    fn ray<L: Lanes>(&self, ray: usize) -> L {
+        L::splat(self[ray / WIDTH % GROUPS][ray % WIDTH])
+    }
+
+    #[inline(always)]
+    fn group<L: Lanes>(&self, group: usize) -> L {
+        L::load(&self[group % GROUPS])
+    }
 }
 
 impl<const PARALLEL: bool> Packet<PARALLEL> {
@@ -108,13 +144,13 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
     }
 
     #[inline(always)]
-    fn ray<L: Lanes>(of: &[PerRay; 3], ray: usize) -> Three<L> {
+    pub(super) fn ray<L: Lanes>(of: &[PerRay; 3], ray: usize) -> Three<L> {
         let (group, lane) = (ray / WIDTH % GROUPS, ray % WIDTH);
         splat([of[0][group][lane], of[1][group][lane], of[2][group][lane]])
     }
 
     #[inline(always)]
-    fn group<L: Lanes>(of: &[PerRay; 3], group: usize) -> Three<L> {
+    pub(super) fn group<L: Lanes>(of: &[PerRay; 3], group: usize) -> Three<L> {
         let group = group % GROUPS;
         load([&of[0][group], &of[1][group], &of[2][group]])
     }
@@ -135,11 +171,10 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
         (low, high)
     }
 
-    /// Which lanes' rays pass through which lanes' boxes.
+    /// Which lanes' rays pass through which lanes' boxes before they end.
     #[inline(always)]
-    fn pass<L: Lanes>(low: Three<L>, high: Three<L>, scale: Three<L>) -> u32 {
-        let mut enter = L::splat(0.0);
-        let mut leave = L::splat(if PARALLEL { f32::INFINITY } else { 1.0 });
+    fn pass<L: Lanes>(low: Three<L>, high: Three<L>, scale: Three<L>, end: L) -> u32 {
+        let (mut enter, mut leave) = (L::splat(0.0), end);
         for k in 0..3 {
             if PARALLEL {
                 enter = low[k].sub(scale[k]).max(enter);
@@ -156,7 +191,7 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
     /// Sorts children by this: how far from the shared point they begin, squared; if parallel, how far along the
     /// shared direction.
     #[inline(always)]
-    fn nearness<L: Lanes>(&self, boxes: &Boxes<L>) -> [f32; WIDTH] {
+    pub(super) fn nearness<L: Lanes>(&self, boxes: &Boxes<L>) -> [f32; WIDTH] {
         let zero = L::splat(0.0);
         let mut far = zero;
         if PARALLEL {
@@ -206,26 +241,8 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
             if met == 0 {
                 continue;
             }
-            let through = self.sort_rays(&boxes, met, rays);
-            let nearness = self.nearness(&boxes);
-            // Farthest first onto the stack: insertion among at most eight.
-            let mut order = [(0.0, (0, 0)); WIDTH];
-            let mut count = 0;
-            let mut left = met;
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize % WIDTH;
-                left &= left - 1;
-                if through[lane] == 0 {
-                    continue;
-                }
-                let mut at = count;
-                while at > 0 && order[at - 1].0 < nearness[lane] {
-                    order[at] = order[at - 1];
-                    at -= 1;
-                }
-                order[at] = (nearness[lane], (node.child[lane], through[lane]));
-                count += 1;
-            }
+            let through = self.sort_rays(&boxes, met, rays, &Whole::<PARALLEL>);
+            let (order, count) = farthest_first(self.nearness(&boxes), node, met, &through);
             for &(_, child) in &order[..count] {
                 if child.0 & LEAF != 0 {
                     leaves.prefetch::<L>(child.0 ^ LEAF);
@@ -240,7 +257,13 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
 
     /// For each box of `met`, the rays that pass through it.
     #[inline(always)]
-    fn sort_rays<L: Lanes>(&self, boxes: &Boxes<L>, met: u32, rays: u64) -> [u64; WIDTH] {
+    pub(super) fn sort_rays<L: Lanes>(
+        &self,
+        boxes: &Boxes<L>,
+        met: u32,
+        rays: u64,
+        ends: &impl RayEnds,
+    ) -> [u64; WIDTH] {
         let mut through = [0; WIDTH];
         let (low, high) = self.slabs(boxes);
         let groups = groups(rays);
@@ -249,7 +272,8 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
             while left != 0 {
                 let ray = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let mut passed = met & Self::pass(low, high, Self::ray::<L>(&self.scale, ray));
+                let scale = Self::ray::<L>(&self.scale, ray);
+                let mut passed = met & Self::pass(low, high, scale, ends.ray(ray));
                 while passed != 0 {
                     through[passed.trailing_zeros() as usize % WIDTH] |= 1 << ray;
                     passed &= passed - 1;
@@ -267,7 +291,8 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
             while groups != 0 {
                 let group = groups.trailing_zeros() as usize;
                 groups &= groups - 1;
-                let passed = Self::pass(near, far, Self::group::<L>(&self.scale, group));
+                let scale = Self::group::<L>(&self.scale, group);
+                let passed = Self::pass(near, far, scale, ends.group(group));
                 through[lane] |= u64::from(passed) << (group * WIDTH);
             }
             through[lane] &= rays;
@@ -351,6 +376,37 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
     }
 }
 
+/// A child to visit: how near it is, where it is, and the rays that pass through its box.
+pub(super) type Child = (f32, (u32, u64));
+
+/// The children of `met` that any ray passes through, farthest first, and how many they are.
+#[inline(always)]
+pub(super) fn farthest_first(
+    nearness: [f32; WIDTH],
+    node: &Node,
+    mut met: u32,
+    through: &[u64; WIDTH],
+) -> ([Child; WIDTH], usize) {
+    // Insertion among at most eight.
+    let mut order = [(0.0, (0, 0)); WIDTH];
+    let mut count = 0;
+    while met != 0 {
+        let lane = met.trailing_zeros() as usize % WIDTH;
+        met &= met - 1;
+        if through[lane] == 0 {
+            continue;
+        }
+        let mut at = count;
+        while at > 0 && order[at - 1].0 < nearness[lane] {
+            order[at] = order[at - 1];
+            at -= 1;
+        }
+        order[at] = (nearness[lane], (node.child[lane], through[lane]));
+        count += 1;
+    }
+    (order, count)
+}
+
 /// Whether the filter keeps any of a ray's hits on masked triangles.
 #[inline(always)]
 fn any_kept<L: Lanes, const PARALLEL: bool>(
@@ -374,7 +430,7 @@ fn any_kept<L: Lanes, const PARALLEL: bool>(
 
 /// Bit g is set where any of rays 8g to 8g + 7 is.
 #[inline(always)]
-fn groups(rays: u64) -> u32 {
+pub(super) fn groups(rays: u64) -> u32 {
     // Gathers each byte's bits in its lowest, then those in the highest byte.
     let mut any = rays | rays >> 4;
     any |= any >> 2;

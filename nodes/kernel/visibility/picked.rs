@@ -12,7 +12,7 @@ pub(super) type PerRay = [[f32; WIDTH]; GROUPS];
 /// Rays picked from 64, side by side.
 pub(super) struct Picked {
     pub(super) vector: [PerRay; 3],
-    place: [u8; RAYS],
+    pub(super) place: [u8; RAYS],
     pub(super) count: usize,
 }
 

@@ -227,7 +227,7 @@ impl<const PARALLEL: bool> Query for Bundle<'_, PARALLEL> {
 
 /// The rays of `active` by the face of a cube around `origin` that their ends lie behind.
 #[inline(always)]
-fn faces<L: Lanes>(ends: &Ends, origin: [f32; 3], active: u64) -> [u64; 6] {
+pub(super) fn faces<L: Lanes>(ends: &Ends, origin: [f32; 3], active: u64) -> [u64; 6] {
     let [x0, y0, z0] = origin.map(L::splat);
     let zero = L::splat(0.0);
     let (xs, ys, zs) = (ends.xs.as_chunks().0, ends.ys.as_chunks().0, ends.zs.as_chunks().0);

@@ -351,3 +351,48 @@ fn rays_at_corners_do_not_leak() {
     }
     assert_eq!(leaks, 0);
 }
+
+#[test]
+fn the_nearest_of_a_packet_are_those_of_single_rays() {
+    let filter: &Filter = &|triangle, u, _| !triangle.is_multiple_of(3) || u > 0.2;
+    let (mut differ, mut hits, mut asked) = (0, 0, 0);
+    for (seed, count, size) in [(1, 0, 1.0), (2, 1, 1.0), (4, 500, 0.1), (5, 8000, 0.03)] {
+        for scale in [1.0, 1e-6, 1e6] {
+            let triangles = soup(seed, count, size);
+            let masked: Vec<bool> = (0..count).map(|i| i % 2 == 0).collect();
+            let triangles: Vec<_> = triangles.iter().map(|t| t.map(|p| p * scale)).collect();
+            let blas = Arc::new(Blas::new(&triangles, &masked, Build::Medium));
+            let turned = Affine3A::from_rotation_translation(
+                Quat::from_rotation_x(0.7),
+                Vec3::new(0.5, 0.1, -0.3) * scale,
+            );
+            let place = |to_world, first_triangle| Instance {
+                blas: blas.clone(),
+                to_world,
+                first_triangle,
+            };
+            let world = World::new(vec![place(Affine3A::IDENTITY, 0), place(turned, count as u32)]);
+            let points = points(seed, 3000);
+            for (i, chunk) in points.chunks(64).enumerate() {
+                let origin = points[(i * 977 + 13) % points.len()] * scale;
+                let directions: Vec<Vec3> = chunk.iter().map(|p| *p * scale - origin).collect();
+                let (ends, all) = Ends::from_points(&directions);
+                let active = all & !(0x9111_0000_0421_8000u64.rotate_left(i as u32));
+                let limits = [std::array::from_fn(|i| 0.01 * (i % 7) as f32 - 0.01), {
+                    std::array::from_fn(|i| if i % 2 == 0 { f32::INFINITY } else { 1.5 })
+                }];
+                let found = world.closest_from(origin, &ends, active, &limits, filter);
+                for (lane, &direction) in directions.iter().enumerate() {
+                    let single =
+                        world.closest(origin, direction, limits[0][lane], limits[1][lane], filter);
+                    let expected = single.filter(|_| active >> lane & 1 == 1);
+                    differ += u32::from(found[lane] != expected);
+                    hits += u32::from(expected.is_some());
+                    asked += 1;
+                }
+            }
+        }
+    }
+    assert!(hits > 5000 && asked > 2 * hits, "{hits} of {asked}");
+    assert!(differ * 20_000 <= asked, "{differ} of {asked}");
+}

@@ -245,7 +245,7 @@ impl<L: Lanes> Planes<L> {
 
     /// Which lanes' weights are all as large as they must be. `length` is X's largest coordinate.
     #[inline(always)]
-    fn inside(&self, weights: Three<L>, length: L) -> u32 {
+    pub(super) fn inside(&self, weights: Three<L>, length: L) -> u32 {
         inside(weights, self.forgiven.mul(length))
     }
 

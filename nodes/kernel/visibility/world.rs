@@ -1,9 +1,10 @@
 //! Instances of meshes, a hierarchy over them, and what may be asked of both.
 
 use super::hierarchy::{Blas, Bounds, Build, LEAF, Node};
+use super::nearest::NearestFrom;
 use super::query::{Blocked, Bundle, Closest, dispatch};
 use super::single::Ray;
-use super::{Ends, Filter, Hit, build};
+use super::{Ends, Filter, Hit, Hits, build};
 use glam::{Affine3A, DMat3, Vec3};
 use std::sync::Arc;
 
@@ -146,6 +147,22 @@ impl World {
             t_max,
         };
         dispatch(Closest { world: self, ray, filter })
+    }
+
+    /// For each i in `active` the nearest hit of the ray `origin + t direction i` with t strictly between `limits[0][i]`
+    /// and `limits[1][i]` (a lower limit below 0 counts as 0), as [`World::closest`] gives it.
+    ///
+    /// Directions that are near to each other, as those of a tile of pixels, are fastest.
+    #[must_use]
+    pub fn closest_from(
+        &self,
+        origin: Vec3,
+        directions: &Ends,
+        active: u64,
+        limits: &[[f32; Ends::CAPACITY]; 2],
+        filter: &Filter,
+    ) -> Hits {
+        dispatch(NearestFrom { world: self, origin, directions, active, limits, filter })
     }
 
     /// Whether anything lies strictly between two points.
