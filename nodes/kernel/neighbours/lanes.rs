@@ -22,6 +22,7 @@ pub(super) enum Fan {
 
 impl Fan {
     /// Base-two logarithms of the number in a row and of the number of rows: shifts, because a division costs as much as a box.
+    #[inline(always)]
     fn shifts(self) -> [u32; 2] {
         match self {
             Self::Wide => [2, 1],
@@ -30,6 +31,7 @@ impl Fan {
     }
 
     /// The column and row of one of the eight that belong to the node in `column` and `row`.
+    #[inline(always)]
     pub(super) fn child(self, column: u32, row: u32, lane: usize) -> [u32; 2] {
         let [wide, tall] = self.shifts();
         let (x, y) = (lane as u32 & ((1 << wide) - 1), lane as u32 >> wide);
@@ -37,12 +39,14 @@ impl Fan {
     }
 
     /// The column and row of the node to which the one in `x` and `y` belongs.
+    #[inline(always)]
     pub(super) fn parent(self, [x, y]: [u32; 2]) -> [u32; 2] {
         let [wide, tall] = self.shifts();
         [x >> wide, y >> tall]
     }
 
     /// The lane of the one in `x` and `y` among the eight of its node.
+    #[inline(always)]
     pub(super) fn lane(self, [x, y]: [u32; 2]) -> usize {
         let [wide, tall] = self.shifts();
         ((x & ((1 << wide) - 1)) + ((y & ((1 << tall) - 1)) << wide)) as usize
@@ -99,12 +103,13 @@ impl Leaf {
     }
 
     /// The squared distances of the eight pixels; infinite for the invalid.
-    #[inline]
+    #[inline(always)]
     pub(super) fn distances(&self, query: &[f32; DIMENSIONS]) -> Lanes {
         sum_of_squares(|component| self.0[component].map(|value| query[component] - value))
     }
 
     /// Whether one of the pixels has exactly this vector.
+    #[inline(always)]
     pub(super) fn holds(&self, lane: usize, query: &[f32; DIMENSIONS]) -> bool {
         (0..DIMENSIONS).all(|component| self.0[component][lane] == query[component])
     }
@@ -136,7 +141,7 @@ impl Node {
     }
 
     /// The squared distances of the eight boxes: zero inside, infinite for an empty one.
-    #[inline]
+    #[inline(always)]
     pub(super) fn distances(&self, query: &[f32; DIMENSIONS]) -> Lanes {
         sum_of_squares(|component| {
             let (low, high) = (&self.low[component], &self.high[component]);
@@ -152,7 +157,7 @@ impl Node {
 
 /// Adds the squares of nine differences, lane by lane, in the order that defines the squared distance. Rounding is monotonic, so
 /// with differences to a box this never exceeds, by even one bit, the distance to a pixel in the box.
-#[inline]
+#[inline(always)]
 fn sum_of_squares(difference: impl Fn(usize) -> Lanes) -> Lanes {
     let mut sums = [[0.0; WIDE]; 4];
     for component in 0..DIMENSIONS {
@@ -170,7 +175,7 @@ fn sum_of_squares(difference: impl Fn(usize) -> Lanes) -> Lanes {
 }
 
 /// The lanes whose distance is not above the bound. Mostly there are one or two, so the eight comparisons become one mask.
-#[inline]
+#[inline(always)]
 pub(super) fn near(distances: &Lanes, bound: f32) -> impl Iterator<Item = usize> + use<> {
     let mut mask = 0u32;
     for (lane, &distance) in distances.iter().enumerate() {
@@ -184,11 +189,13 @@ pub(super) fn near(distances: &Lanes, bound: f32) -> impl Iterator<Item = usize>
 }
 
 /// The larger of two numbers that are not NaN; unlike `f32::max` a single instruction.
+#[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 /// The smaller of two numbers that are not NaN.
+#[inline(always)]
 fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }

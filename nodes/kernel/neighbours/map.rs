@@ -36,11 +36,48 @@ pub fn map(source: &Pyramid, target: &Features, reject: f32) -> Map {
     }
     let bands = pixel.par_chunks_mut(TILE * width).zip(distance.par_chunks_mut(TILE * width));
     bands.enumerate().for_each(|(band, (pixel, distance))| {
+        Band { source, target, bound, first: band * TILE, pixel, distance }.fill();
+    });
+    Map { pixel, distance }
+}
+
+/// Rows of a map that are filled together.
+struct Band<'a> {
+    source: &'a Pyramid,
+    target: &'a Features,
+    /// The largest squared distance.
+    bound: f32,
+    /// The first row.
+    first: usize,
+    pixel: &'a mut [u32],
+    distance: &'a mut [f32],
+}
+
+impl Band<'_> {
+    fn fill(self) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has just been found to have what the function is compiled for.
+            return unsafe { self.fill_with_avx2() };
+        }
+        self.fill_lanes();
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn fill_with_avx2(self) {
+        self.fill_lanes();
+    }
+
+    #[inline(always)]
+    fn fill_lanes(self) {
+        let Self { source, target, bound, first, pixel, distance } = self;
+        let (width, height) = (target.width() as usize, target.height() as usize);
         let rows = pixel.len() / width;
         let mut seed = UNMAPPED;
         for left in (0..width).step_by(TILE) {
             for row in 0..rows {
-                let y = band * TILE + row;
+                let y = first + row;
                 for x in left..width.min(left + TILE) {
                     let Some(vector) = target.valid((y * width + x) as u32) else { continue };
                     let home = [
@@ -57,8 +94,7 @@ pub fn map(source: &Pyramid, target: &Features, reject: f32) -> Map {
                 }
             }
         }
-    });
-    Map { pixel, distance }
+    }
 }
 
 #[cfg(test)]

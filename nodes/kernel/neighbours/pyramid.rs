@@ -11,6 +11,21 @@ use rayon::prelude::*;
 /// The pixels of a leaf.
 const LEAF: Fan = Fan::Wide;
 
+/// Nodes that wait to be visited at most. Each level has three bits of an image of at most 2^30 pixels, and on the way
+/// down all but one of a node's children wait.
+const DEEPEST: usize = 11 * WIDE;
+
+/// A node or leaf to visit.
+#[derive(Clone, Copy)]
+struct Visit {
+    /// Not above that of any pixel in it.
+    key: u64,
+    /// Levels below it: 0 for a leaf.
+    level: u32,
+    /// Column and row.
+    at: [u32; 2],
+}
+
 /// All nodes of one size.
 struct Level {
     /// Nodes in a row.
@@ -89,6 +104,7 @@ impl Pyramid {
 
     /// As [`Pyramid::nearest`], at a squared distance of at most `reject`, which is finite and not negative. The query is
     /// searchable and `home`, a column and a row, lies in the image.
+    #[inline(always)]
     pub(super) fn nearest_within(
         &self,
         query: &Padded,
@@ -110,40 +126,45 @@ impl Pyramid {
         let guess = if guessed { [seed % self.width, seed / self.width] } else { home };
         let [column, row] = LEAF.parent(guess);
         self.visit_leaf(column, row, &mut search);
-        self.visit(root, 0, 0, &mut search);
+        self.visit_all(root, &mut search);
         (search.pixel != UNMAPPED).then_some((search.pixel, search.distance))
     }
 
-    /// Searches the node in `column` and `row` of a level, nearest child first.
-    fn visit(&self, level: usize, column: u32, row: u32, search: &mut Search) {
-        let Level { columns, fan, child, ref nodes } = self.levels[level];
-        let distances = nodes[(row * columns + column) as usize].distances(&search.vector);
-        let mut order = [(0u64, 0u32, 0u32); WIDE];
-        let mut count = 0;
-        for lane in near(&distances, search.distance) {
-            let [x, y] = fan.child(column, row, lane);
-            let key = search.box_key(distances[lane], [x * child[0], y * child[1]], child);
-            let mut place = count;
-            while place > 0 && order[place - 1].0 > key {
-                order[place] = order[place - 1];
-                place -= 1;
-            }
-            order[place] = (key, x, y);
-            count += 1;
-        }
-        for &(key, x, y) in &order[..count] {
+    /// Searches the whole image, of every node's children the nearest first.
+    #[inline(always)]
+    fn visit_all(&self, root: usize, search: &mut Search) {
+        let mut stack = [Visit { key: 0, level: root as u32 + 1, at: [0, 0] }; DEEPEST];
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let Visit { key, level, at: [column, row] } = stack[count];
             // A box of an equal key may hold a pixel of an equal key and a smaller index.
             if key > search.key {
-                break;
+                continue;
             }
-            match level.checked_sub(1) {
-                Some(below) => self.visit(below, x, y, search),
-                None => self.visit_leaf(x, y, search),
+            let Some(level) = (level as usize).checked_sub(1) else {
+                self.visit_leaf(column, row, search);
+                continue;
+            };
+            let Level { columns, fan, child, ref nodes } = self.levels[level];
+            let distances = nodes[(row * columns + column) as usize].distances(&search.vector);
+            let first = count;
+            for lane in near(&distances, search.distance) {
+                let [x, y] = fan.child(column, row, lane);
+                let key = search.box_key(distances[lane], [x * child[0], y * child[1]], child);
+                let mut place = count;
+                while place > first && stack[place - 1].key < key {
+                    stack[place] = stack[place - 1];
+                    place -= 1;
+                }
+                stack[place] = Visit { key, level: level as u32, at: [x, y] };
+                count += 1;
             }
         }
     }
 
     /// Offers the search the pixels of the leaf in `column` and `row`.
+    #[inline(always)]
     fn visit_leaf(&self, column: u32, row: u32, search: &mut Search) {
         let distances = self.leaf(column, row).distances(&search.vector);
         for lane in near(&distances, search.distance) {
@@ -153,6 +174,7 @@ impl Pyramid {
     }
 
     /// The leaf in `column` and `row`.
+    #[inline(always)]
     fn leaf(&self, column: u32, row: u32) -> &Leaf {
         &self.leaves[(row * self.columns + column) as usize]
     }
@@ -184,12 +206,14 @@ struct Search {
 
 impl Search {
     /// The key of a pixel.
+    #[inline(always)]
     fn key(&self, distance: f32, at: [u32; 2]) -> u64 {
         let (x, y) = (at[0].abs_diff(self.home[0]), at[1].abs_diff(self.home[1]));
         u64::from(distance.to_bits()) << 32 | u64::from(x * x + y * y)
     }
 
     /// A key not above that of any pixel in a rectangle of the image whose box lies `distance` away.
+    #[inline(always)]
     fn box_key(&self, distance: f32, corner: [u32; 2], size: [u32; 2]) -> u64 {
         let nearest = std::array::from_fn(|axis| {
             self.home[axis].clamp(corner[axis], corner[axis] + size[axis] - 1)
@@ -198,6 +222,7 @@ impl Search {
     }
 
     /// Keeps the pixel if it comes before the best so far.
+    #[inline(always)]
     fn offer(&mut self, distance: f32, at: [u32; 2], pixel: u32) {
         let key = self.key(distance, at);
         if (key, pixel) < (self.key, self.pixel) {
