@@ -68,8 +68,8 @@ impl Fan {
 /// An axis-aligned box in nine dimensions.
 #[derive(Clone, Copy)]
 pub(super) struct Bounds {
-    low: [f32; DIMENSIONS],
-    high: [f32; DIMENSIONS],
+    pub(super) low: [f32; DIMENSIONS],
+    pub(super) high: [f32; DIMENSIONS],
 }
 
 impl Bounds {
@@ -143,15 +143,32 @@ impl Node {
     /// The squared distances of the eight boxes: zero inside, infinite for an empty one.
     #[inline(always)]
     pub(super) fn distances(&self, query: &[f32; DIMENSIONS]) -> Lanes {
+        self.apart(query, query)
+    }
+
+    /// The squared distances of the eight boxes from another; never more than that of any point in it.
+    #[inline(always)]
+    pub(super) fn distances_to(&self, other: &Bounds) -> Lanes {
+        self.apart(&other.low, &other.high)
+    }
+
+    #[inline(always)]
+    fn apart(&self, from: &[f32; DIMENSIONS], to: &[f32; DIMENSIONS]) -> Lanes {
         sum_of_squares(|component| {
             let (low, high) = (&self.low[component], &self.high[component]);
             let mut outside = [0.0; WIDE];
             for lane in 0..WIDE {
-                let (below, above) = (low[lane] - query[component], query[component] - high[lane]);
+                let (below, above) = (low[lane] - to[component], from[component] - high[lane]);
                 outside[lane] = larger(larger(below, above), 0.0);
             }
             outside
         })
+    }
+
+    /// The box of one child.
+    pub(super) fn child(&self, lane: usize) -> Bounds {
+        let of = |sides: &[Lanes; DIMENSIONS]| std::array::from_fn(|k| sides[k][lane]);
+        Bounds { low: of(&self.low), high: of(&self.high) }
     }
 }
 

@@ -1,7 +1,8 @@
 //! The pixel mapping between two frames.
 
+use super::candidates::Candidates;
 use super::features::{Features, UNMAPPED};
-use super::pyramid::Pyramid;
+use super::pyramid::{Pyramid, Search};
 use rayon::prelude::*;
 
 /// Rows that are mapped as one piece of work, and the width of the tiles it is walked in: those of the pyramid's smallest nodes,
@@ -74,8 +75,13 @@ impl Band<'_> {
         let Self { source, target, bound, first, pixel, distance } = self;
         let (width, height) = (target.width() as usize, target.height() as usize);
         let rows = pixel.len() / width;
-        let mut seed = UNMAPPED;
+        // A pixel that has been mapped, and where to: those around it are guessed to have moved alike.
+        let mut moved = None;
+        let mut searches: Vec<(usize, Search)> = Vec::with_capacity(TILE * TILE);
+        let mut candidates = Candidates::default();
         for left in (0..width).step_by(TILE) {
+            searches.clear();
+            let mut widest = 0.0f32;
             for row in 0..rows {
                 let y = first + row;
                 for x in left..width.min(left + TILE) {
@@ -84,13 +90,23 @@ impl Band<'_> {
                         (x as u64 * u64::from(source.width()) / width as u64) as u32,
                         (y as u64 * u64::from(source.height()) / height as u64) as u32,
                     ];
-                    if let Some((nearest, squared)) =
-                        source.nearest_within(vector, home, seed, bound)
-                    {
-                        pixel[row * width + x] = nearest;
-                        distance[row * width + x] = squared.sqrt();
-                        seed = nearest;
+                    let guess = moved.map_or(home, |moved| source.beside(moved, [x, y]));
+                    let mut search = source.begin(vector, home, guess, bound);
+                    if searches.is_empty() {
+                        source.finish(None, &mut search);
                     }
+                    moved = search.found().map(|(nearest, _)| ([x, y], nearest)).or(moved);
+                    widest = widest.max(search.distance);
+                    searches.push((row * width + x, search));
+                }
+            }
+            let queries = searches.iter().map(|(_, search)| &search.vector);
+            let together = candidates.gather(source, queries, widest).then_some(&candidates);
+            for (place, search) in &mut searches {
+                source.finish(together, search);
+                if let Some((nearest, squared)) = search.found() {
+                    pixel[*place] = nearest;
+                    distance[*place] = squared.sqrt();
                 }
             }
         }
@@ -160,6 +176,25 @@ mod tests {
             assert_eq!(map.distance[pixel as usize], expected);
             let mapped = source.vector(map.pixel[pixel as usize]).expect("a neighbour is valid");
             assert_eq!(squared_distance(&mapped, &query).sqrt(), expected);
+        }
+    }
+
+    #[test]
+    fn searches_of_a_tile_are_those_of_its_pixels() {
+        // Rounded, so that many pixels are equally near.
+        let views = [picture(120, 90, EYE, 0.0), picture(100, 95, NEARBY, 0.3)].map(|mut view| {
+            view.position.iter_mut().for_each(|p| *p = p.map(|c| (c * 8.0).round() / 8.0));
+            features(&view)
+        });
+        let [source, target] = views;
+        let source = Pyramid::build(&source);
+        let map = map(&source, &target, NEVER);
+        for pixel in 0..100 * 95 {
+            let query = target.vector(pixel).expect("the room fills the picture");
+            let home = pixel / 100 * 90 / 95 * 120 + pixel % 100 * 120 / 100;
+            let (nearest, squared) = source.nearest(&query, home, UNMAPPED).expect("it does");
+            let found = (map.pixel[pixel as usize], map.distance[pixel as usize]);
+            assert_eq!(found, (nearest, squared.sqrt()), "{pixel}");
         }
     }
 

@@ -6,6 +6,7 @@
 //! squared distance ([`squared_distance`]) and breaks ties by a rule that knows neither thread, seed nor traversal order, so the
 //! maps have the same bits for any number of threads.
 
+mod candidates;
 mod compose;
 mod features;
 mod lanes;

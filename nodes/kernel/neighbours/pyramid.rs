@@ -4,6 +4,7 @@
 //! cost next to nothing to build. Groups of 4x2 pixels are the leaves; inner nodes have eight children, alternately 2x4 and 4x2 of
 //! them (8x8, 32x16, 64x64, 256x128 ... pixels), so that eight boxes or eight pixels are measured at once.
 
+use super::candidates::Candidates;
 use super::features::{Features, Padded, UNMAPPED, padded, searchable};
 use super::lanes::{Bounds, DIMENSIONS, Fan, Leaf, Node, WIDE, near};
 use rayon::prelude::*;
@@ -27,11 +28,11 @@ struct Visit {
 }
 
 /// All nodes of one size.
-struct Level {
+pub(super) struct Level {
     /// Nodes in a row.
     columns: u32,
     /// The children of a node.
-    fan: Fan,
+    pub(super) fan: Fan,
     /// Pixels of a child, in a row and in a column.
     child: [u32; 2],
     nodes: Vec<Node>,
@@ -45,7 +46,7 @@ pub struct Pyramid {
     columns: u32,
     leaves: Vec<Leaf>,
     /// From the smallest nodes to the single root.
-    levels: Vec<Level>,
+    pub(super) levels: Vec<Level>,
 }
 
 impl Pyramid {
@@ -105,29 +106,73 @@ impl Pyramid {
     /// As [`Pyramid::nearest`], at a squared distance of at most `reject`, which is finite and not negative. The query is
     /// searchable and `home`, a column and a row, lies in the image.
     #[inline(always)]
-    pub(super) fn nearest_within(
+    fn nearest_within(
         &self,
         query: &Padded,
         home: [u32; 2],
         seed: u32,
         reject: f32,
     ) -> Option<(u32, f32)> {
-        let root = self.levels.len().checked_sub(1)?;
+        let guessed = seed < self.width * self.height;
+        let guess = if guessed { [seed % self.width, seed / self.width] } else { home };
+        let mut search = self.begin(query, home, guess, reject);
+        self.finish(None, &mut search);
+        search.found()
+    }
+
+    /// Begins a search, as [`Pyramid::nearest_within`] takes it, in the leaf of `guess`, a column and a row.
+    #[inline(always)]
+    pub(super) fn begin(
+        &self,
+        query: &Padded,
+        home: [u32; 2],
+        guess: [u32; 2],
+        reject: f32,
+    ) -> Search {
         let vector = std::array::from_fn(|component| query[component]);
-        // Nothing comes before an exact match at home.
-        let [column, row] = LEAF.parent(home);
-        if self.leaf(column, row).holds(LEAF.lane(home), &vector) {
-            return Some((home[1] * self.width + home[0], 0.0));
-        }
         // One above a pixel's largest key, so that a pixel at exactly the rejected distance is still found.
         let key = u64::from(reject.to_bits()) << 32 | u64::from(u32::MAX);
         let mut search = Search { vector, home, distance: reject, key, pixel: UNMAPPED };
-        let guessed = seed < self.width * self.height;
-        let guess = if guessed { [seed % self.width, seed / self.width] } else { home };
+        // Nothing comes before an exact match at home.
+        let [column, row] = LEAF.parent(home);
+        if self.leaf(column, row).holds(LEAF.lane(home), &vector) {
+            search.offer(0.0, home, home[1] * self.width + home[0]);
+            return search;
+        }
         let [column, row] = LEAF.parent(guess);
         self.visit_leaf(column, row, &mut search);
-        self.visit_all(root, &mut search);
-        (search.pixel != UNMAPPED).then_some((search.pixel, search.distance))
+        search
+    }
+
+    /// Where a pixel lies in this image if it lies to `nearest` as `to` lies to `from`.
+    #[inline(always)]
+    pub(super) fn beside(&self, (from, nearest): ([usize; 2], u32), to: [usize; 2]) -> [u32; 2] {
+        let place = |axis: usize, at: u32, size: u32| {
+            let moved = i64::from(at) + to[axis] as i64 - from[axis] as i64;
+            moved.clamp(0, i64::from(size) - 1) as u32
+        };
+        [place(0, nearest % self.width, self.width), place(1, nearest / self.width, self.height)]
+    }
+
+    /// Ends a search among `candidates`, which hold what is near enough, or in the whole image.
+    #[inline(always)]
+    pub(super) fn finish(&self, candidates: Option<&Candidates>, search: &mut Search) {
+        // Nothing comes before the pixel at home itself at no distance.
+        if search.key == 0 {
+            return;
+        }
+        match (candidates, self.levels.len().checked_sub(1)) {
+            (Some(candidates), _) => candidates.visit(self, search),
+            (None, Some(root)) => self.visit_all(root, search),
+            (None, None) => {}
+        }
+    }
+
+    /// A node of a level.
+    #[inline(always)]
+    pub(super) fn node(&self, level: usize, column: u32, row: u32) -> &Node {
+        let Level { columns, ref nodes, .. } = self.levels[level];
+        &nodes[(row * columns + column) as usize]
     }
 
     /// Searches the whole image, of every node's children the nearest first.
@@ -146,8 +191,8 @@ impl Pyramid {
                 self.visit_leaf(column, row, search);
                 continue;
             };
-            let Level { columns, fan, child, ref nodes } = self.levels[level];
-            let distances = nodes[(row * columns + column) as usize].distances(&search.vector);
+            let Level { fan, child, .. } = self.levels[level];
+            let distances = self.node(level, column, row).distances(&search.vector);
             let first = count;
             for lane in near(&distances, search.distance) {
                 let [x, y] = fan.child(column, row, lane);
@@ -165,7 +210,7 @@ impl Pyramid {
 
     /// Offers the search the pixels of the leaf in `column` and `row`.
     #[inline(always)]
-    fn visit_leaf(&self, column: u32, row: u32, search: &mut Search) {
+    pub(super) fn visit_leaf(&self, column: u32, row: u32, search: &mut Search) {
         let distances = self.leaf(column, row).distances(&search.vector);
         for lane in near(&distances, search.distance) {
             let [x, y] = LEAF.child(column, row, lane);
@@ -195,16 +240,23 @@ fn merge(boxes: &[Bounds], grid: [u32; 2], fan: Fan) -> (Vec<Node>, Vec<Bounds>)
 }
 
 /// A search under way: what is sought and the best pixel so far.
-struct Search {
-    vector: [f32; DIMENSIONS],
+pub(super) struct Search {
+    pub(super) vector: [f32; DIMENSIONS],
     home: [u32; 2],
-    distance: f32,
+    /// The squared distance of the best pixel so far, or the largest that counts.
+    pub(super) distance: f32,
     /// The squared distance's bits, then the squared distance in the image: ordered as the pair is.
     key: u64,
     pixel: u32,
 }
 
 impl Search {
+    /// The best pixel and its squared distance.
+    #[inline(always)]
+    pub(super) fn found(&self) -> Option<(u32, f32)> {
+        (self.pixel != UNMAPPED).then_some((self.pixel, self.distance))
+    }
+
     /// The key of a pixel.
     #[inline(always)]
     fn key(&self, distance: f32, at: [u32; 2]) -> u64 {
