@@ -238,9 +238,9 @@ impl<'a> Pass<'a> {
             .samples
             .par_chunks(block)
             .map(|block| {
-                let served = || self.members.iter().map(|member| member.served.len());
-                let mut sums: Vec<Vec<Vec3>> = served().map(|frames| vec![Vec3::ZERO; frames * block.len()]).collect();
-                let mut waiting = Waiting::new(served());
+                let zeros = |member: &Member<'_>| vec![Vec3::ZERO; member.served.len() * block.len()];
+                let mut sums: Vec<Vec<Vec3>> = self.members.iter().map(zeros).collect();
+                let mut waiting = Waiting::new();
                 for (t, receivers) in block.chunks(Ends::CAPACITY).enumerate() {
                     let tile = tensor.tile(receivers);
                     for (light, users) in &self.columns {
@@ -248,7 +248,8 @@ impl<'a> Pass<'a> {
                             continue;
                         }
                         for &(m, r) in users {
-                            self.members[m].weights(r).for_each(|(frame, weight)| waiting.term(m, frame, weight));
+                            let (from, weights) = self.members[m].weights(r);
+                            waiting.count_in(m, from, weights);
                         }
                         if waiting.keep() {
                             waiting.add(&mut sums, block.len(), t * Ends::CAPACITY);
@@ -269,11 +270,11 @@ impl<'a> Pass<'a> {
 }
 
 impl Member<'_> {
-    /// The weights of representative `r`, each with the number of its frame among those served.
-    fn weights(&self, r: usize) -> impl Iterator<Item = (usize, Vec3)> {
+    /// The first of the served frames that representative `r` serves, and its weights in that and those that follow.
+    fn weights(&self, r: usize) -> (usize, &[Vec3]) {
         let representatives = self.representatives;
         let [from, to] = representatives.frames[r].map(|f| f as usize);
         let weights = &representatives.weight[representatives.first_weight[r] as usize..][..to - from];
-        (from - self.served.start..).zip(weights.iter().copied())
+        (from - self.served.start, weights)
     }
 }

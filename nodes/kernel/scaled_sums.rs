@@ -13,22 +13,26 @@ const RUN: usize = 24;
 /// One tile's part of a column.
 pub type TileColumn = [Vec3; Ends::CAPACITY];
 
-/// What is added to the sum of one frame: a column of those at hand, and its weight.
-type Term = (usize, Vec3);
+/// A column that waits, and in whose sums it counts.
+struct Use<'a> {
+    column: usize,
+    user: usize,
+    /// The first frame that it counts in, and its weight in that and those that follow.
+    from: usize,
+    weights: &'a [Vec3],
+}
 
 /// Columns of one tile that wait to be added to sums.
-pub struct Waiting {
+pub struct Waiting<'a> {
     columns: [TileColumn; TOGETHER],
-    /// For each sum `[user][frame]`, its terms in the order in which they came.
-    terms: Vec<Vec<Vec<Term>>>,
+    uses: Vec<Use<'a>>,
     count: usize,
 }
 
-impl Waiting {
-    /// No columns yet; `frames` are the numbers of frames of each user.
-    pub fn new(frames: impl Iterator<Item = usize>) -> Self {
-        let terms = frames.map(|frames| vec![Vec::with_capacity(TOGETHER); frames]).collect();
-        Waiting { columns: [[Vec3::ZERO; Ends::CAPACITY]; TOGETHER], terms, count: 0 }
+impl<'a> Waiting<'a> {
+    /// No columns yet.
+    pub fn new() -> Self {
+        Waiting { columns: [[Vec3::ZERO; Ends::CAPACITY]; TOGETHER], uses: Vec::new(), count: 0 }
     }
 
     /// Room for the next column, which may hold anything.
@@ -36,9 +40,10 @@ impl Waiting {
         &mut self.columns[self.count]
     }
 
-    /// Says that the column just written in [`Waiting::room`] counts in the sum of `user` and `frame`.
-    pub fn term(&mut self, user: usize, frame: usize, weight: Vec3) {
-        self.terms[user][frame].push((self.count, weight));
+    /// Says that the column just written in [`Waiting::room`] counts in sums of `user`: in those of the frames from
+    /// `from` on, with a weight in each.
+    pub fn count_in(&mut self, user: usize, from: usize, weights: &'a [Vec3]) {
+        self.uses.push(Use { column: self.count, user, from, weights });
     }
 
     /// Keeps the column just written; true when there is no room for another.
@@ -50,54 +55,80 @@ impl Waiting {
     /// Adds what waits to the sums, `[user][frame][pixel]` with `pixels` pixels a frame, from pixel `at` on, and waits
     /// for more. At most `pixels - at` pixels of the tile count.
     pub fn add(&mut self, sums: &mut [Vec<Vec3>], pixels: usize, at: usize) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has just been found to have what the function is compiled for.
+            return unsafe { self.add_with_avx2(sums, pixels, at) };
+        }
+        self.add_lanes(sums, pixels, at);
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn add_with_avx2(&mut self, sums: &mut [Vec<Vec3>], pixels: usize, at: usize) {
+        self.add_lanes(sums, pixels, at);
+    }
+
+    #[inline(always)]
+    fn add_lanes(&mut self, sums: &mut [Vec<Vec3>], pixels: usize, at: usize) {
         let len = (pixels - at).min(Ends::CAPACITY);
-        for (terms, sums) in self.terms.iter_mut().zip(sums) {
-            for (terms, sum) in terms.iter_mut().zip(sums.chunks_exact_mut(pixels.max(1))) {
-                add_terms(&mut sum[at..at + len], &self.columns, terms);
+        let mut terms = Vec::with_capacity(TOGETHER);
+        for (user, sums) in sums.iter_mut().enumerate() {
+            for (frame, sum) in sums.chunks_exact_mut(pixels.max(1)).enumerate() {
                 terms.clear();
+                for uses in self.uses.iter().filter(|uses| uses.user == user) {
+                    let weight = frame.checked_sub(uses.from).and_then(|k| uses.weights.get(k));
+                    terms
+                        .extend(weight.map(|weight| Term::new(&self.columns[uses.column], weight)));
+                }
+                add_terms(&mut sum[at..at + len], &terms);
             }
         }
+        self.uses.clear();
         self.count = 0;
     }
 }
 
-/// `sum += weight * column` for each term, per channel.
-fn add_terms(sum: &mut [Vec3], columns: &[TileColumn; TOGETHER], terms: &[Term]) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has just been found to have what the function is compiled for.
-        return unsafe { add_terms_with_avx2(sum, columns, terms) };
+impl Default for Waiting<'_> {
+    fn default() -> Self {
+        Waiting::new()
     }
-    add_terms_lanes(sum, columns, terms);
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn add_terms_with_avx2(sum: &mut [Vec3], columns: &[TileColumn; TOGETHER], terms: &[Term]) {
-    add_terms_lanes(sum, columns, terms);
+/// What is added to the sum of one frame: a column as flat numbers, and its weight for each of a run of them.
+struct Term<'a> {
+    column: &'a [f32],
+    weight: [f32; RUN],
 }
 
+impl<'a> Term<'a> {
+    #[inline(always)]
+    fn new(column: &'a TileColumn, weight: &Vec3) -> Self {
+        let [x, y, z] = weight.to_array();
+        let weight = [x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z, x, y, z];
+        Term { column: bytemuck::cast_slice(column), weight }
+    }
+}
+
+/// `sum += weight * column` for each term, per channel.
 #[inline(always)]
-fn add_terms_lanes(sum: &mut [Vec3], columns: &[TileColumn; TOGETHER], terms: &[Term]) {
+fn add_terms(sum: &mut [Vec3], terms: &[Term<'_>]) {
     if terms.is_empty() {
         return;
     }
-    let pattern = |weight: Vec3| -> [f32; RUN] { std::array::from_fn(|i| weight[i % 3]) };
     let (runs, rest) = bytemuck::cast_slice_mut::<Vec3, f32>(sum).as_chunks_mut::<RUN>();
     for (r, run) in runs.iter_mut().enumerate() {
         let mut total = *run;
-        for &(column, weight) in terms {
-            let column: &[f32] = bytemuck::cast_slice(&columns[column]);
-            let (column, weight) = (&column[r * RUN..][..RUN], pattern(weight));
+        for Term { column, weight } in terms {
+            let column = &column[r * RUN..][..RUN];
             (0..RUN).for_each(|i| total[i] += weight[i] * column[i]);
         }
         *run = total;
     }
     let first = runs.len() * RUN;
     for (i, number) in rest.iter_mut().enumerate() {
-        for &(column, weight) in terms {
-            let column: &[f32] = bytemuck::cast_slice(&columns[column]);
-            *number += weight[i % 3] * column[first + i];
+        for Term { column, weight } in terms {
+            *number += weight[i] * column[first + i];
         }
     }
 }
@@ -110,18 +141,24 @@ mod tests {
     fn sums_are_those_of_the_pixels() {
         // Two users, of two frames and one; a tile of 11 pixels behind 64 others.
         let (pixels, at) = (75, 64);
-        let mut waiting = Waiting::new([2, 1].into_iter());
+        // The first serves frame 1 or both, the second its only one.
+        let weights: Vec<Vec<Vec3>> = (0..2 * TOGETHER + 3)
+            .map(|n| (0..2).map(|f| Vec3::new(n as f32, 0.5 * f as f32, -1.0)).collect())
+            .collect();
+        let mut waiting = Waiting::new();
         let mut sums = vec![vec![Vec3::ONE; 2 * pixels], vec![Vec3::ZERO; pixels]];
         let mut expected = sums.clone();
-        let weight = |n: usize, f: usize| Vec3::new(n as f32, 0.5 * f as f32, -1.0);
-        for n in 0..2 * TOGETHER + 3 {
+        for (n, weights) in weights.iter().enumerate() {
             let column: TileColumn =
                 std::array::from_fn(|i| Vec3::new(i as f32, n as f32, 1.0 / (i + n + 1) as f32));
             *waiting.room() = column;
-            for (user, frame) in [(0, n % 2), (1, 0)] {
-                waiting.term(user, frame, weight(n, frame));
-                for i in 0..pixels - at {
-                    expected[user][frame * pixels + at + i] += weight(n, frame) * column[i];
+            let from = n % 2;
+            for (user, from, weights) in [(0, from, &weights[from..]), (1, 0, &weights[..1])] {
+                waiting.count_in(user, from, weights);
+                for (k, weight) in weights.iter().enumerate() {
+                    for i in 0..pixels - at {
+                        expected[user][(from + k) * pixels + at + i] += *weight * column[i];
+                    }
                 }
             }
             if waiting.keep() {

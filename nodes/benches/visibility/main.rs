@@ -62,8 +62,8 @@ fn measure(scene: &Scene, embree: Option<&Embree>, rounds: usize) {
     shadows("columns", &points.columns(), (scene, &world), other.as_ref(), rounds);
     shadows("rows", &points.rows(), (scene, &world), other.as_ref(), rounds);
     shadows("incoherent", &points.incoherent(), (scene, &world), other.as_ref(), rounds);
-    nearest("primary, closest", points.primary(), &world, other.as_ref(), rounds);
-    nearest("bounces, closest", &points.bounces(), &world, other.as_ref(), rounds);
+    nearest("primary, closest", points.primary(), (&world, true), other.as_ref(), rounds);
+    nearest("bounces, closest", &points.bounces(), (&world, false), other.as_ref(), rounds);
 }
 
 fn world(scene: &Scene, build: Build) -> World {
@@ -230,23 +230,49 @@ fn packets(world: &World, rays: &Rays, blocked: &mut [bool]) {
     }
 }
 
-fn nearest(what: &str, rays: &Rays, world: &World, embree: Option<&EmbreeScene>, rounds: usize) {
+/// Rays that all share their origin, in packets of 64.
+fn nearest_packets(world: &World, rays: &Rays, hits: &mut [Found]) {
+    let limits = [[0.0; Ends::CAPACITY], [f32::INFINITY; Ends::CAPACITY]];
+    let mut ways = Ends::new();
+    for (chunk, hits) in hits.chunks_mut(Ends::CAPACITY).enumerate() {
+        let first = chunk * Ends::CAPACITY;
+        ways.xs[..hits.len()].copy_from_slice(&rays.direction[0][first..][..hits.len()]);
+        ways.ys[..hits.len()].copy_from_slice(&rays.direction[1][first..][..hits.len()]);
+        ways.zs[..hits.len()].copy_from_slice(&rays.direction[2][first..][..hits.len()]);
+        let active = u64::MAX >> (Ends::CAPACITY - hits.len());
+        let seen = world.closest_from(rays.start(0), &ways, active, &limits, &|_, _, _| true);
+        hits.iter_mut().zip(seen).for_each(|(hit, seen)| *hit = found(seen));
+    }
+}
+
+fn nearest(
+    what: &str,
+    rays: &Rays,
+    (world, share_origin): (&World, bool),
+    embree: Option<&EmbreeScene>,
+    rounds: usize,
+) {
     let trace = |rays: &Rays, hits: &mut [Found]| {
         for (i, hit) in hits.iter_mut().enumerate() {
             let (start, way): (Vec3, Vec3) = (rays.start(i), rays.way(i));
             *hit = found(world.closest(start, way, 0.0, f32::INFINITY, &|_, _, _| true));
         }
     };
-    let mut engines: Vec<Engine<Found>> = vec![("own single".into(), Box::new(trace))];
+    let mut engines: Vec<Engine<Found>> = Vec::new();
     if let Some(embree) = embree {
         let trace = |rays: &Rays, hits: &mut [Found]| embree.closest(rays, hits);
         engines.push(("rtcIntersect1".into(), Box::new(trace)));
+    }
+    engines.push(("own single".into(), Box::new(trace)));
+    if share_origin {
+        let trace = |rays: &Rays, hits: &mut [Found]| nearest_packets(world, rays, hits);
+        engines.push(("own packets".into(), Box::new(trace)));
     }
     let results = race(rays, Found(0.0), &engines, rounds);
     println!("  {what}: {} rays", rays.len());
     for (i, ((name, _), (speed, hits))) in engines.iter().zip(&results).enumerate() {
         print!("    {name:14} {speed:7.2} Mrays/s");
-        if let (0, Some((other, theirs))) = (i, results.get(1)) {
+        if let (true, Some((other, theirs))) = (i > 0 && embree.is_some(), results.first()) {
             let differ = hits.iter().zip(theirs).filter(|(a, b)| a.differs(**b)).count();
             let share = differ as f64 / rays.len() as f64;
             print!("   {:5.2} x rtcIntersect1, {share:.1e} differ from it", speed / other);

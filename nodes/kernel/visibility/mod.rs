@@ -9,6 +9,7 @@
 //! Answers are the same bits on every processor and do not depend on the number of threads.
 
 mod beam;
+mod blocking;
 mod build;
 mod hierarchy;
 mod lanes;

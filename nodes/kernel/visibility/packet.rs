@@ -5,12 +5,12 @@
 //! whichever is less.
 
 use super::beam::Beam;
-use super::hierarchy::{Bounds, Boxes, Grown, LEAF, Leaf, Node, extra_slack};
+use super::hierarchy::{Bounds, Boxes, Grown, LEAF, Node};
 use super::lanes::{Lanes, WIDTH};
 use super::picked::{GROUPS, PerRay, Picked, low_bits};
 use super::single::{inverse, length};
 use super::stack::Stack;
-use super::triangle::{Planes, Three, barycentric, corners, load, splat, splat_lane, store};
+use super::triangle::{Three, load, splat, splat_lane, store};
 
 /// What the leaves of a hierarchy stand for. A trait and not a closure, because its method must be inlined.
 pub(super) trait Leaves {
@@ -25,7 +25,7 @@ pub(super) trait Leaves {
 /// are, they start at `origin + vector` and go along `direction` without end.
 pub(super) struct Packet<const PARALLEL: bool> {
     pub(super) origin: [f32; 3],
-    direction: [f32; 3],
+    pub(super) direction: [f32; 3],
     pub(super) vector: [PerRay; 3],
     /// Per ray, what boxes' bounds are multiplied by; if parallel, what is taken from them after multiplication.
     scale: [PerRay; 3],
@@ -34,7 +34,7 @@ pub(super) struct Packet<const PARALLEL: bool> {
     inverse: [f32; 3],
     pub(super) beam: Option<Beam>,
     /// How far from `origin` rays start.
-    reach: f32,
+    pub(super) reach: f32,
     count: usize,
 }
 
@@ -299,81 +299,6 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
         }
         through
     }
-
-    /// Which of `rays` are blocked by a leaf's triangles. A hit of a masked triangle counts only if
-    /// `keep(local triangle, u, v)`.
-    #[inline(always)]
-    pub(super) fn leaf<L: Lanes>(
-        &self,
-        leaf: &Leaf,
-        rays: u64,
-        keep: &impl Fn(u32, f32, f32) -> bool,
-    ) -> u64 {
-        let corners = corners::<L>(leaf, splat(self.origin));
-        let met = match &self.beam {
-            Some(beam) => beam.meets_triangles(&corners, L::splat(extra_slack(self.reach))),
-            None => u32::MAX,
-        };
-        if met == 0 {
-            return 0;
-        }
-        let planes = if PARALLEL {
-            Planes::along(leaf, corners, splat(self.direction))
-        } else {
-            Planes::around_point(leaf, corners)
-        };
-        let met = met & planes.usable;
-        let groups = groups(rays);
-        let mut blocked = 0;
-        if rays.count_ones() <= met.count_ones() * groups.count_ones() {
-            let mut left = rays;
-            while left != 0 {
-                let ray = left.trailing_zeros() as usize;
-                left &= left - 1;
-                let x = Self::ray::<L>(&self.vector, ray);
-                let length = L::splat(self.length[ray / WIDTH % GROUPS][ray % WIDTH]);
-                let hit = met & planes.passed::<PARALLEL>(x, length);
-                if hit & !leaf.masked != 0
-                    || hit != 0 && any_kept::<L, PARALLEL>(leaf, &planes, x, hit, keep)
-                {
-                    blocked |= 1 << ray;
-                }
-            }
-            return blocked;
-        }
-        let stored = planes.store();
-        let mut left = met;
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize % WIDTH;
-            left &= left - 1;
-            let plane = Planes::<L>::only(&stored, lane);
-            let mut groups = groups;
-            while groups != 0 {
-                let group = groups.trailing_zeros() as usize;
-                groups &= groups - 1;
-                let length = L::load(&self.length[group % GROUPS]);
-                let x = Self::group::<L>(&self.vector, group);
-                let passed = plane.passed::<PARALLEL>(x, length);
-                let mut hit = u64::from(passed) << (group * WIDTH) & rays & !blocked;
-                if leaf.masked >> lane & 1 == 0 {
-                    blocked |= hit;
-                    continue;
-                }
-                while hit != 0 {
-                    let ray = hit.trailing_zeros() as usize;
-                    hit &= hit - 1;
-                    let x = Self::ray::<L>(&self.vector, ray);
-                    if any_kept::<L, PARALLEL>(leaf, &planes, x, 1 << lane, keep) {
-                        blocked |= 1 << ray;
-                    }
-                }
-            }
-            if blocked == rays {
-                break;
-            }
-        }
-        blocked
-    }
 }
 
 /// A child to visit: how near it is, where it is, and the rays that pass through its box.
@@ -405,27 +330,6 @@ pub(super) fn farthest_first(
         count += 1;
     }
     (order, count)
-}
-
-/// Whether the filter keeps any of a ray's hits on masked triangles.
-#[inline(always)]
-fn any_kept<L: Lanes, const PARALLEL: bool>(
-    leaf: &Leaf,
-    planes: &Planes<L>,
-    x: Three<L>,
-    mut hit: u32,
-    keep: &impl Fn(u32, f32, f32) -> bool,
-) -> bool {
-    let weights = store(planes.weights::<PARALLEL>(x));
-    while hit != 0 {
-        let lane = hit.trailing_zeros() as usize % WIDTH;
-        hit &= hit - 1;
-        let (u, v) = barycentric(weights.map(|w| w[lane]));
-        if keep(leaf.index[lane], u, v) {
-            return true;
-        }
-    }
-    false
 }
 
 /// Bit g is set where any of rays 8g to 8g + 7 is.
