@@ -92,7 +92,7 @@ impl<T: Topology> Hierarchy for Tree<'_, T> {
         Some(Place { node: self.topology.root()?, bound: self.root })
     }
 
-    #[inline]
+    #[inline(always)]
     fn entry(&self, place: Self::Node) -> Entry {
         match self.topology.part(place.node) {
             Part::Leaf(k) => Entry::Leaf(self.leaves.surfel(k, place.bound)),
@@ -100,7 +100,7 @@ impl<T: Topology> Hierarchy for Tree<'_, T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn children(&self, place: Self::Node, mut visit: impl FnMut(Self::Node)) {
         self.topology.children(place.node, |node| {
             let bound = match self.topology.part(node) {
