@@ -1,6 +1,6 @@
 //! Speed of quantized point-based global illumination on the pavilion, each kernel beside what would do the same without it:
 //! `cargo bench -p lightloom-nodes --bench pbgi`. Throughputs of a group are comparable; their ratio is the gain. With `-- seconds`,
-//! one run each of what takes seconds, in CPU time beside its target.
+//! one run each of what takes seconds, in CPU time beside its target; with `-- gather`, the last of them alone, what pixels gather.
 
 use cpu_time::ProcessTime;
 use divan::Bencher;
@@ -8,11 +8,17 @@ use divan::counter::ItemsCount;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use lightloom_nodes::data::{self, Array, RadiantSurfels};
+use lightloom_nodes::kernel::element::Receiver;
+use lightloom_nodes::kernel::pbgi::gather::{
+    Gather, MicroBuffer, Scratch, Settings, Shape as Cells, Work,
+};
 use lightloom_nodes::kernel::pbgi::lut::{KMeans, Lut as Table, Quantizer, Seeding};
 use lightloom_nodes::kernel::pbgi::poisson_disk;
-use lightloom_nodes::kernel::pbgi::stored::{Recipe, Shape, build};
+use lightloom_nodes::kernel::pbgi::stored::{Recipe, Shape, as_binary, build, scales};
 use lightloom_nodes::kernel::pbgi::stream::Average;
 use lightloom_nodes::kernel::pbgi::tree::looks::Format;
+use lightloom_nodes::kernel::primary;
+use lightloom_nodes::kernel::receivers::Receivers;
 use lightloom_nodes::kernel::stage::Stage;
 use lightloom_nodes::kernel::surface_sampling;
 use lightloom_nodes::node::{Ctx, Error, Item, Many, Node};
@@ -27,17 +33,26 @@ const RECIPE: Recipe =
 const ENTRIES: [u32; 3] = [100, 1000, 10_000];
 /// Vectors that tables are trained on.
 const TRAINED: usize = 500_000;
+/// Of the picture whose pixels gather.
+const SIZE: [u32; 2] = [480, 270];
+/// Receivers of a tile, and of how many tiles one gathers.
+const TILE: usize = 64;
+const TILES: usize = 64;
 /// Surfels of the tree; some of them are buried.
 const SURFELS: u32 = 620_000;
 
 fn main() {
     // One thread for all, so that a pair compares kernels and not numbers of threads.
     rayon::ThreadPoolBuilder::new().num_threads(1).build_global().expect("the first pool");
-    if std::env::args().any(|argument| argument == "seconds") {
+    let asked = |word: &str| std::env::args().any(|argument| argument == word);
+    if asked("gather") {
+        gathered().expect("trees of the pavilion");
+    } else if asked("seconds") {
         LazyLock::force(&SHOT);
         sampled();
         quantized();
         trained();
+        gathered().expect("trees of the pavilion");
     } else {
         divan::main();
     }
@@ -49,6 +64,8 @@ struct Shot {
     surfels: RadiantSurfels,
     vectors: Vec<f32>,
     tables: Vec<data::Lut>,
+    environment: Item<data::Environment>,
+    receivers: Vec<Receiver>,
 }
 
 static SHOT: LazyLock<Shot> = LazyLock::new(|| shot().expect("the pavilion is lit"));
@@ -58,10 +75,20 @@ fn shot() -> Result<Shot, Error> {
     let scene = Item::from(Pavilion::default().run((), &ctx)?);
     let geometry = Item::from(Geometry::default().run(GeometryIn { scene: scene.clone() }, &ctx)?);
     let materials = Item::from(Materials {}.run(MaterialsIn { scene: scene.clone() }, &ctx)?);
+    let camera = Camera::default().run(CameraIn { scene: scene.clone(), time: None }, &ctx)?;
     let poses = Item::from(Poses {}.run(PosesIn { scene, time: None }, &ctx)?);
     let environment = Item::from(Sky::default().run((), &ctx)?);
     let sky = EnvironmentLights { count: 15, ..EnvironmentLights::default() };
-    let sky = sky.run(EnvironmentLightsIn { environment }, &ctx)?;
+    let sky = sky.run(EnvironmentLightsIn { environment: environment.clone() }, &ctx)?;
+    let input = DeepFramebufferIn {
+        geometry: geometry.clone(),
+        materials: materials.clone(),
+        poses: poses.clone(),
+        camera: camera.into(),
+        environment: Some(environment.clone()),
+    };
+    let camera_sees = DeepFramebuffer { size: SIZE, ..DeepFramebuffer::default() };
+    let receivers = Receivers::of(&camera_sees.run(input, &ctx)?).samples;
     let sun = SunLights { count: 1, ..SunLights::default() }.run((), &ctx)?;
     let lights = MergeLightsIn { lights: Many(vec![sun.into(), sky.into()]) };
     let input =
@@ -94,7 +121,7 @@ fn shot() -> Result<Shot, Error> {
         })
     });
     let tables = tables.collect::<Result<_, Error>>()?;
-    Ok(Shot { stage, surfels, vectors, tables })
+    Ok(Shot { stage, surfels, vectors, tables, environment, receivers })
 }
 
 /// The table of so many entries.
@@ -244,6 +271,45 @@ fn quantized() {
             (seconds - least[0]) * 1e9 / nodes,
         );
     }
+}
+
+/// What pixels gather, together and each by a walk of its own: the median ratio of five rounds in turns, the least times.
+fn gathered() -> Result<(), Error> {
+    let tiles = SHOT.receivers.chunks(TILE).step_by(TILES);
+    let receivers: Vec<Receiver> = tiles.flatten().copied().collect();
+    let buffer = MicroBuffer::new(Cells::Cube, 8);
+    let settings = Settings { factor: 2.0, ..Settings::default() };
+    let background = |direction: Vec3| primary::background(&SHOT.environment, direction);
+    let compact = Recipe { format: Format::B, ..RECIPE };
+    for (name, recipe, lut) in [
+        ("vectors of their own", RECIPE, None),
+        ("10,000 entries, leaves B", compact, Some(table(10_000))),
+    ] {
+        let (tree, _) = build(&SHOT.surfels, recipe, lut)?;
+        let scales = scales(&tree)?;
+        let hierarchy = as_binary(&tree, &scales);
+        let gather = Gather { hierarchy: &hierarchy, buffer: &buffer, settings, background };
+        let (mut ratios, mut least) = (Vec::new(), [f64::INFINITY; 2]);
+        for _ in 0..5 {
+            let (together, fast) = timed(|| gather.all(&receivers, |_, _| Ok::<_, Error>(())));
+            let (alone, slow) = timed(|| {
+                let (mut scratch, mut work) = (Scratch::default(), Work::default());
+                let one = |receiver| gather.one(receiver, &mut scratch, &mut work);
+                receivers.iter().map(one).collect::<Vec<_>>()
+            });
+            assert_eq!(together?.0, alone);
+            ratios.push(slow / fast);
+            least = [least[0].min(fast), least[1].min(slow)];
+        }
+        ratios.sort_by(f64::total_cmp);
+        let [fast, slow] = least.map(|seconds| seconds * 1e6 / receivers.len() as f64);
+        println!(
+            "gather of {} pixels from nodes with {name}: {fast:.0} us a receiver, alone {slow:.0} us; {:.2} times as fast",
+            receivers.len(),
+            ratios[ratios.len() / 2],
+        );
+    }
+    Ok(())
 }
 
 /// Poisson-disk samples of the size of large scenes.

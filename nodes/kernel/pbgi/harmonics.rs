@@ -3,8 +3,10 @@
 //!
 //! Function l, m has index l(l + 1) + m. The basis is orthonormal over the sphere: a constant 1 has the single coefficient 2 sqrt(pi).
 
+use super::lanes::Lanes;
 use glam::Vec3;
 use std::f32::consts::PI;
+use std::ops::{Add, Mul, Sub};
 
 /// Most bands that are offered.
 pub const MAX_BANDS: u32 = 5;
@@ -47,44 +49,70 @@ macro_rules! with_functions {
 }
 pub(super) use with_functions;
 
+/// What the basis functions can be evaluated in.
+pub trait Number: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// The number `value`, in each lane if there are several.
+    fn of(value: f32) -> Self;
+}
+
+impl Number for f32 {
+    #[inline(always)]
+    fn of(value: f32) -> f32 {
+        value
+    }
+}
+
+impl<L: Lanes> Number for L {
+    #[inline(always)]
+    fn of(value: f32) -> L {
+        L::splat(value)
+    }
+}
+
 /// The `F` (1, 4, 9, 16 or 25) basis functions at a unit vector.
 #[inline(always)]
 pub fn basis<const F: usize>(d: Vec3) -> [f32; F] {
-    let (x, y, z) = (d.x, d.y, d.z);
-    let mut b = [0.0; F];
-    b[0] = 0.282_094_8;
+    basis_at(d.x, d.y, d.z)
+}
+
+/// The same at one unit vector a lane.
+#[inline(always)]
+pub fn basis_at<N: Number, const F: usize>(x: N, y: N, z: N) -> [N; F] {
+    let c = N::of;
+    let mut b = [c(0.0); F];
+    b[0] = c(0.282_094_8);
     if F > 1 {
-        b[1] = 0.488_602_52 * y;
-        b[2] = 0.488_602_52 * z;
-        b[3] = 0.488_602_52 * x;
+        b[1] = c(0.488_602_52) * y;
+        b[2] = c(0.488_602_52) * z;
+        b[3] = c(0.488_602_52) * x;
     }
     let (xx, yy, zz) = (x * x, y * y, z * z);
     if F > 4 {
-        b[4] = 1.092_548_4 * (x * y);
-        b[5] = 1.092_548_4 * (y * z);
-        b[6] = 0.315_391_57 * (3.0 * zz - 1.0);
-        b[7] = 1.092_548_4 * (x * z);
-        b[8] = 0.546_274_2 * (xx - yy);
+        b[4] = c(1.092_548_4) * (x * y);
+        b[5] = c(1.092_548_4) * (y * z);
+        b[6] = c(0.315_391_57) * (c(3.0) * zz - c(1.0));
+        b[7] = c(1.092_548_4) * (x * z);
+        b[8] = c(0.546_274_2) * (xx - yy);
     }
     if F > 9 {
-        b[9] = 0.590_043_6 * y * (3.0 * xx - yy);
-        b[10] = 2.890_611_4 * (x * y) * z;
-        b[11] = 0.457_045_8 * y * (5.0 * zz - 1.0);
-        b[12] = 0.373_176_34 * z * (5.0 * zz - 3.0);
-        b[13] = 0.457_045_8 * x * (5.0 * zz - 1.0);
-        b[14] = 1.445_305_7 * z * (xx - yy);
-        b[15] = 0.590_043_6 * x * (xx - 3.0 * yy);
+        b[9] = c(0.590_043_6) * y * (c(3.0) * xx - yy);
+        b[10] = c(2.890_611_4) * (x * y) * z;
+        b[11] = c(0.457_045_8) * y * (c(5.0) * zz - c(1.0));
+        b[12] = c(0.373_176_34) * z * (c(5.0) * zz - c(3.0));
+        b[13] = c(0.457_045_8) * x * (c(5.0) * zz - c(1.0));
+        b[14] = c(1.445_305_7) * z * (xx - yy);
+        b[15] = c(0.590_043_6) * x * (xx - c(3.0) * yy);
     }
     if F > 16 {
-        b[16] = 2.503_342_9 * (x * y) * (xx - yy);
-        b[17] = 1.770_130_8 * (y * z) * (3.0 * xx - yy);
-        b[18] = 0.946_174_7 * (x * y) * (7.0 * zz - 1.0);
-        b[19] = 0.669_046_5 * (y * z) * (7.0 * zz - 3.0);
-        b[20] = 0.105_785_55 * (zz * (35.0 * zz - 30.0) + 3.0);
-        b[21] = 0.669_046_5 * (x * z) * (7.0 * zz - 3.0);
-        b[22] = 0.473_087_35 * (xx - yy) * (7.0 * zz - 1.0);
-        b[23] = 1.770_130_8 * (x * z) * (xx - 3.0 * yy);
-        b[24] = 0.625_835_7 * (xx * (xx - 3.0 * yy) - yy * (3.0 * xx - yy));
+        b[16] = c(2.503_342_9) * (x * y) * (xx - yy);
+        b[17] = c(1.770_130_8) * (y * z) * (c(3.0) * xx - yy);
+        b[18] = c(0.946_174_7) * (x * y) * (c(7.0) * zz - c(1.0));
+        b[19] = c(0.669_046_5) * (y * z) * (c(7.0) * zz - c(3.0));
+        b[20] = c(0.105_785_55) * (zz * (c(35.0) * zz - c(30.0)) + c(3.0));
+        b[21] = c(0.669_046_5) * (x * z) * (c(7.0) * zz - c(3.0));
+        b[22] = c(0.473_087_35) * (xx - yy) * (c(7.0) * zz - c(1.0));
+        b[23] = c(1.770_130_8) * (x * z) * (xx - c(3.0) * yy);
+        b[24] = c(0.625_835_7) * (xx * (xx - c(3.0) * yy) - yy * (c(3.0) * xx - yy));
     }
     b
 }

@@ -1,5 +1,6 @@
 //! What a gatherer sees of a point hierarchy, whatever its topology and however it is stored.
 
+use super::lanes::{Lanes, Triple, WIDTH};
 use glam::Vec3;
 
 /// A disc of surface that sends light from its front. Its back is not seen and hides nothing: surfels cover closed solids or
@@ -79,4 +80,22 @@ pub trait Hierarchy: Sync {
     fn children(&self, node: Self::Node, visit: impl FnMut(Self::Node));
     /// What an inner node sends towards the unit vector `direction`, which points away from it; nothing for a leaf.
     fn sent(&self, node: Self::Node, direction: Vec3) -> Sent;
+    /// The same towards one unit vector a lane, the same bits: radiance and area. What lanes outside of `mask` give means nothing.
+    #[inline(always)]
+    fn sent_to_each<L: Lanes>(
+        &self,
+        node: Self::Node,
+        directions: Triple<L>,
+        mask: u32,
+    ) -> (Triple<L>, L) {
+        let directions = directions.store();
+        let sent: [Sent; WIDTH] = std::array::from_fn(|lane| match mask >> lane & 1 {
+            1 => self.sent(node, directions[lane]),
+            _ => Sent::default(),
+        });
+        (Triple::load(&sent.map(|s| s.radiance)), L::load(&sent.map(|s| s.area)))
+    }
+    /// Hints that it will soon be asked what a node sends.
+    #[inline(always)]
+    fn prefetch(&self, _: Self::Node) {}
 }

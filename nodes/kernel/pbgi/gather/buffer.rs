@@ -50,29 +50,54 @@ pub(super) struct Rays {
 /// Where a direction meets a buffer: a patch and continuous cell coordinates on it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
-    patch: usize,
+    pub(super) patch: usize,
     pub(super) u: f32,
     pub(super) v: f32,
 }
 
 /// A rectangle of cells, with a border one cell wide in `MicroBuffer::table`.
 #[derive(Clone, Copy, Debug)]
-struct Patch {
+pub(super) struct Patch {
     first: usize,
     columns: u32,
-    rows: u32,
+    pub(super) rows: u32,
+}
+
+/// Where the rows of a patch lie in a table, those of the borders among them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Rows {
+    pub(super) first: usize,
+    pub(super) width: usize,
+    height: usize,
+}
+
+impl Rows {
+    /// Where column `i` lies in a row; the nearest for one beyond the borders, which are -1 and the number of columns.
+    #[inline]
+    pub(super) fn column(&self, i: i32) -> usize {
+        (i.max(-1) + 1).min(self.width as i32 - 1) as usize
+    }
+
+    /// The same for rows in the patch.
+    #[inline]
+    pub(super) fn row(&self, j: i32) -> usize {
+        (j.max(-1) + 1).min(self.height as i32 - 1) as usize
+    }
 }
 
 /// The cells of a hemisphere, made once for all receivers.
 #[derive(Clone, Debug)]
 pub struct MicroBuffer {
-    shape: Shape,
-    resolution: u32,
+    pub(super) shape: Shape,
+    pub(super) resolution: u32,
     cells: Vec<Cell>,
     /// The cell at each place of each patch. A place of a border has the cell that lies there on the neighbouring patch,
     /// or beyond the horizon the cell above it.
     table: Vec<u32>,
-    patches: Vec<Patch>,
+    pub(super) patches: Vec<Patch>,
+    /// For each cell its places in the table, those of cell c from `starts[c]` to `starts[c + 1]`.
+    places: Vec<u32>,
+    starts: Vec<u32>,
     /// For each group of cells the rays of all of them, first ray first. Places behind the last cell repeat it.
     rays: Vec<[Rays; RAYS]>,
 }
@@ -93,9 +118,12 @@ impl MicroBuffer {
             first += (resolution as usize + 2) * (rows as usize + 2);
         }
         let (cells, table, rays) = (Vec::new(), vec![0; first], Vec::new());
-        let mut buffer = MicroBuffer { shape, resolution, cells, table, patches, rays };
+        let (places, starts) = (Vec::new(), Vec::new());
+        let mut buffer =
+            MicroBuffer { shape, resolution, cells, table, patches, places, starts, rays };
         buffer.measure();
         buffer.join();
+        buffer.invert();
         buffer.aim();
         buffer
     }
@@ -110,6 +138,7 @@ impl MicroBuffer {
         self.cells.is_empty()
     }
 
+    #[inline]
     pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
     }
@@ -171,10 +200,33 @@ impl MicroBuffer {
     /// border) to their number (the other border); what lies farther out is clamped.
     #[inline]
     pub(super) fn cell(&self, place: Place, i: i32, j: i32) -> usize {
-        let patch = self.patches[place.patch];
-        let i = (i + 1).clamp(0, patch.columns as i32 + 1) as usize;
-        let j = (j + 1).clamp(0, patch.rows as i32 + 1) as usize;
-        self.table[patch.first + j * (patch.columns as usize + 2) + i] as usize
+        let rows = self.rows(place.patch);
+        self.table[rows.first + rows.row(j) * rows.width + rows.column(i)] as usize
+    }
+
+    /// The rows of a patch in [`MicroBuffer::table`].
+    #[inline]
+    pub(super) fn rows(&self, patch: usize) -> Rows {
+        let Patch { first, columns, rows } = self.patches[patch];
+        Rows { first, width: columns as usize + 2, height: rows as usize + 2 }
+    }
+
+    /// The cell at each place of each patch and its borders.
+    #[inline]
+    pub(super) fn table(&self) -> &[u32] {
+        &self.table
+    }
+
+    /// How far behind the table rows below a patch lie at most, those of a splat.
+    pub(super) fn margin(&self) -> usize {
+        2 * (self.resolution as usize + 2)
+    }
+
+    /// The places of a cell in the table.
+    #[inline]
+    pub(super) fn places_of(&self, cell: u32) -> &[u32] {
+        let [start, end] = [0, 1].map(|k| self.starts[cell as usize + k] as usize);
+        &self.places[start..end]
     }
 
     /// The direction at cell coordinates of a patch, and solid angle per unit of its coordinates, both up to a factor.
@@ -255,6 +307,16 @@ impl MicroBuffer {
                 self.table[at] = self.cell(place, i_there, j_there) as u32;
             }
         }
+    }
+
+    /// Lists the places of each cell.
+    fn invert(&mut self) {
+        self.places = (0..self.table.len() as u32).collect();
+        self.places.sort_by_key(|&place| self.table[place as usize]);
+        let cell = |&place: &u32| self.table[place as usize] as usize;
+        self.starts = (0..=self.cells.len())
+            .map(|c| self.places.partition_point(|place| cell(place) < c) as u32)
+            .collect();
     }
 
     /// Makes the rays of all cells.

@@ -4,6 +4,7 @@ use super::buffer::MicroBuffer;
 use super::disc::Disc;
 use super::fragments::Fragments;
 use super::frame::Frame;
+use super::painting::below;
 use super::{Settings, Work};
 use crate::kernel::element::Receiver;
 use crate::kernel::pbgi::hierarchy::{Bound, Entry, Hierarchy, Sent, Surfel};
@@ -11,13 +12,13 @@ use glam::Vec3;
 use std::f32::consts::PI;
 
 /// A node closer than this many of its radii is refined whatever its solid angle.
-const CLOSE: f32 = 1.5;
+pub(super) const CLOSE: f32 = 1.5;
 /// A leaf closer than this many radii of its disc is near: cast, not splatted.
-const NEAR: f32 = 2.0;
+pub(super) const NEAR: f32 = 2.0;
 /// A leaf larger than this many cells is cast, too: a splat is at most two cells wide.
-const SPLAT: f32 = 4.0;
+pub(super) const SPLAT: f32 = 4.0;
 /// Sine of the height above the horizon below which a splatted node counts as lying on the receiver's own plane.
-const HORIZON: f32 = 0.01;
+pub(super) const HORIZON: f32 = 0.01;
 /// Distance, in radii, of a disc's plane from a receiver that lies on the disc.
 const COPLANAR: f32 = 1e-3;
 /// The same on a convex surface: the discs of the neighbours float above a receiver between them, look the other way, and
@@ -29,15 +30,15 @@ const RISEN: f32 = 0.25;
 
 /// One receiver's walk.
 pub(super) struct Cut<'a, H: Hierarchy> {
-    hierarchy: &'a H,
-    buffer: &'a MicroBuffer,
-    settings: &'a Settings,
-    origin: Vec3,
-    normal: Vec3,
-    facet: Vec3,
-    frame: Frame,
+    pub(super) hierarchy: &'a H,
+    pub(super) buffer: &'a MicroBuffer,
+    pub(super) settings: &'a Settings,
+    pub(super) origin: Vec3,
+    pub(super) normal: Vec3,
+    pub(super) facet: Vec3,
+    pub(super) frame: Frame,
     /// What coordinates may be off by where they are this large.
-    slack: f32,
+    pub(super) slack: f32,
 }
 
 /// Something small seen from the receiver.
@@ -156,16 +157,15 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
         let squared = to.length_squared();
         let radius = surfel.radius * surfel.radius;
         let distance = squared.sqrt();
-        let local = self.frame.local(to);
-        let direction = (local / distance.max(f32::MIN_POSITIVE)).max(Vec3::new(-1.0, -1.0, 0.0));
+        let direction = (self.frame.local(to) / distance.max(f32::MIN_POSITIVE))
+            .max(Vec3::new(-1.0, -1.0, 0.0));
         let few = SPLAT * self.buffer.solid_angle(direction) * squared;
         if squared < NEAR * NEAR * radius || PI * radius > few {
-            if !self.lies_on(surfel, to) {
+            if let Some(disc) = self.disc(surfel, to) {
                 work.cast += 1;
-                let normal = self.frame.local(surfel.normal);
-                let (radius, radiance) = (surfel.radius, surfel.radiance);
-                let disc = Disc { center: local, normal, radius, radiance };
-                disc.cast(self.buffer, fragments);
+                disc.cast(self.buffer, |cell, depth, coverage| {
+                    fragments.cover(cell, depth, coverage, surfel.radiance);
+                });
             }
         } else if self.rises(direction, to, distance) {
             work.splatted += 1;
@@ -175,6 +175,12 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
             let covered = surfel.area * cosine / squared;
             self.splat(Seen { direction, distance, outline, covered, radiance }, fragments);
         }
+    }
+
+    /// A large leaf at `to` from the receiver, in its frame; none where the receiver lies on it.
+    pub(super) fn disc(&self, surfel: &Surfel, to: Vec3) -> Option<Disc> {
+        let (center, normal) = (self.frame.local(to), self.frame.local(surfel.normal));
+        (!self.lies_on(surfel, to)).then_some(Disc { center, normal, radius: surfel.radius })
     }
 
     /// Whether the receiver lies on a large disc, or under one of its own convex surface: neither lights nor shadows it.
@@ -208,10 +214,4 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
             }
         }
     }
-}
-
-/// The integer below a cell coordinate, which is at least -1. Without SSE4.1 `floor` is a call.
-#[inline]
-fn below(coordinate: f32) -> i32 {
-    (coordinate + 1.0) as i32 - 1
 }

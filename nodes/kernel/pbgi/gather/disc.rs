@@ -1,7 +1,6 @@
 //! Rays from a receiver through all cells of its micro-buffer against one disc.
 
 use super::buffer::{GROUP, MicroBuffer, RAYS, Rays};
-use super::fragments::Fragments;
 use glam::Vec3;
 
 /// A disc in a receiver's frame.
@@ -12,13 +11,12 @@ pub(super) struct Disc {
     /// Its unit normal, on the side that sends light.
     pub(super) normal: Vec3,
     pub(super) radius: f32,
-    /// What the side of the normal sends, on which the receiver is.
-    pub(super) radiance: Vec3,
 }
 
 impl Disc {
-    /// Covers the share of each cell whose rays hit the disc.
-    pub(super) fn cast(&self, buffer: &MicroBuffer, fragments: &mut Fragments) {
+    /// Calls `cover` for each cell of which rays hit the disc, with the depth and the share of it.
+    #[inline(always)]
+    pub(super) fn cast(&self, buffer: &MicroBuffer, mut cover: impl FnMut(usize, f32, f32)) {
         for (group, rays) in buffer.rays().iter().enumerate() {
             let mut hits = [0.0_f32; GROUP];
             let mut depths = [0.0_f32; GROUP];
@@ -32,7 +30,7 @@ impl Disc {
                 if hits[lane] > 0.0 {
                     let coverage = hits[lane] / RAYS as f32;
                     let depth = depths[lane] / hits[lane];
-                    fragments.cover(group * GROUP + lane, depth, coverage, self.radiance);
+                    cover(group * GROUP + lane, depth, coverage);
                 }
             }
         }
@@ -63,13 +61,16 @@ impl Disc {
 #[cfg(test)]
 mod tests {
     use super::super::buffer::Shape;
+    use super::super::fragments::Fragments;
     use super::*;
     use std::f32::consts::PI;
 
     fn irradiance(disc: Disc, buffer: &MicroBuffer) -> f32 {
         let mut fragments = Fragments::default();
         fragments.clear(buffer.len());
-        disc.cast(buffer, &mut fragments);
+        disc.cast(buffer, |cell, depth, coverage| {
+            fragments.cover(cell, depth, coverage, Vec3::ONE)
+        });
         fragments.sort();
         let cells = buffer.cells().iter().enumerate();
         cells.map(|(c, cell)| fragments.composite(c, 1.0).0.x * cell.weight).sum()
@@ -81,7 +82,7 @@ mod tests {
             let buffer = MicroBuffer::new(shape, 32);
             for (height, radius) in [(1.0, 1.0), (1.0, 3.0), (2.0, 1.0), (1e-6, 1e-6), (1e6, 1e6)] {
                 let center = Vec3::Z * height;
-                let disc = Disc { center, normal: Vec3::NEG_Z, radius, radiance: Vec3::ONE };
+                let disc = Disc { center, normal: Vec3::NEG_Z, radius };
                 let expected = PI * radius * radius / (radius * radius + height * height);
                 let found = irradiance(disc, &buffer);
                 assert!((found / expected - 1.0).abs() < 0.03, "{shape:?} {found} {expected}");
@@ -92,12 +93,9 @@ mod tests {
     #[test]
     fn a_disc_seen_edge_on_covers_nothing() {
         let buffer = MicroBuffer::new(Shape::Cube, 8);
-        let mut fragments = Fragments::default();
         for (center, normal) in [(Vec3::X, Vec3::Z), (Vec3::Z, Vec3::X), (Vec3::ZERO, Vec3::X)] {
-            fragments.clear(buffer.len());
-            let disc = Disc { center, normal, radius: 2.0, radiance: Vec3::ONE };
-            disc.cast(&buffer, &mut fragments);
-            assert_eq!(fragments.len(), 0, "{center} {normal}");
+            let disc = Disc { center, normal, radius: 2.0 };
+            disc.cast(&buffer, |_, _, _| panic!("{center} {normal}"));
         }
     }
 }

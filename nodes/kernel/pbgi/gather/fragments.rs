@@ -99,7 +99,7 @@ impl Fragments {
 /// How much of a cell is covered where the coverage adds up to `sum`: the sum itself while it is small, all from `full`
 /// on, and between them a line that is a third steeper.
 #[inline]
-fn closed(sum: f32, full: f32) -> f32 {
+pub(super) fn closed(sum: f32, full: f32) -> f32 {
     if sum >= full { 1.0 } else { sum.max(1.0 - (full - sum) * (4.0 / 3.0)) }
 }
 

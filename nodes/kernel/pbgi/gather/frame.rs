@@ -5,9 +5,9 @@ use glam::Vec3;
 /// An orthonormal right-handed frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
-    x: Vec3,
-    y: Vec3,
-    z: Vec3,
+    pub(super) x: Vec3,
+    pub(super) y: Vec3,
+    pub(super) z: Vec3,
 }
 
 /// The normal whose frame is [`TANGENT`] and [`BITANGENT`]. Its opposite is the one normal around which frames turn, so

@@ -3,12 +3,19 @@
 //!
 //! Down the page: [`MicroBuffer`] (the cells) <- `fragments` (depth) <- `disc` (large leaves) <- `cut` (the walk) <-
 //! [`Gather`]. The front of a surfel sends its radiance; its back is not seen.
+//!
+//! That is how one receiver gathers. Many gather eight at a time, with the same result to the bit: `grouping` (which eight) ->
+//! `packet` (their common walk, through `places`) -> `painting` (depth). Neighbours look at nearly the same nodes.
 
 mod buffer;
 mod cut;
 mod disc;
 mod fragments;
 mod frame;
+mod grouping;
+mod packet;
+mod painting;
+mod places;
 
 #[cfg(test)]
 mod fixtures;
@@ -19,10 +26,12 @@ pub use buffer::{MicroBuffer, Shape};
 
 use super::hierarchy::Hierarchy;
 use crate::kernel::element::Receiver;
+use crate::kernel::pbgi::lanes::{Lanes, Portable, WIDTH};
 use cut::Cut;
 use fragments::Fragments;
 use frame::Frame;
 use glam::Vec3;
+use painting::{Layers, Painting};
 use rayon::prelude::*;
 use std::ops::Add;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -69,7 +78,8 @@ pub struct Work {
     pub splatted: u64,
     /// Leaves cast against the rays of all cells.
     pub cast: u64,
-    /// Parts of cells covered.
+    /// Parts of cells covered, by what is not known to be hidden when its turn comes: less for [`Gather::all`] than for
+    /// [`Gather::one`].
     pub fragments: u64,
 }
 
@@ -90,11 +100,20 @@ impl Add for Work {
 pub struct Scratch<H: Hierarchy> {
     stack: Vec<H::Node>,
     fragments: Fragments,
+    shared: Vec<(H::Node, u32)>,
+    layers: [Layers; WIDTH],
+    painting: Painting,
 }
 
 impl<H: Hierarchy> Default for Scratch<H> {
     fn default() -> Self {
-        Scratch { stack: Vec::new(), fragments: Fragments::default() }
+        Scratch {
+            stack: Vec::new(),
+            fragments: Fragments::default(),
+            shared: Vec::new(),
+            layers: Default::default(),
+            painting: Painting::default(),
+        }
     }
 }
 
@@ -112,16 +131,83 @@ pub struct Gather<'a, H, B> {
 }
 
 impl<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync> Gather<'_, H, B> {
-    /// What one receiver gathers; the cost is added to `work`.
+    /// What one receiver gathers, by a walk of its own: what [`Gather::all`] is held to. The cost is added to `work`.
     pub fn one(&self, receiver: &Receiver, scratch: &mut Scratch<H>, work: &mut Work) -> Gathered {
-        let Scratch { stack, fragments } = scratch;
+        let Scratch { stack, fragments, .. } = scratch;
         let frame = Frame::of(receiver.normal);
         fragments.clear(self.buffer.len());
         let cut = Cut::new(self.hierarchy, self.buffer, &self.settings, receiver, frame);
         cut.walk(stack, fragments, work);
         fragments.sort();
         work.fragments += fragments.len() as u64;
-        self.convolve(receiver, &frame, fragments)
+        let full = self.settings.full.clamp(0.75, 1.0);
+        self.convolve(receiver, &frame, |cell| fragments.composite(cell, full))
+    }
+
+    /// [`Gather::few_in`] on the widest instruction set that the processor has.
+    fn few(
+        &self,
+        receivers: &[Receiver],
+        chosen: &[u32],
+        gathered: &mut [Gathered],
+        scratch: &mut Scratch<H>,
+        work: &mut Work,
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            use crate::kernel::pbgi::lanes::Avx2;
+            #[target_feature(enable = "avx2")]
+            fn avx2<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync>(
+                gather: &Gather<'_, H, B>,
+                receivers: &[Receiver],
+                chosen: &[u32],
+                gathered: &mut [Gathered],
+                scratch: &mut Scratch<H>,
+                work: &mut Work,
+            ) {
+                gather.few_in::<Avx2>(receivers, chosen, gathered, scratch, work);
+            }
+            if std::is_x86_feature_detected!("avx2") {
+                // SAFETY: the processor has AVX2.
+                return unsafe { avx2(self, receivers, chosen, gathered, scratch, work) };
+            }
+        }
+        self.few_in::<Portable>(receivers, chosen, gathered, scratch, work);
+    }
+
+    /// What 1 to 8 chosen receivers gather, in one walk: each what [`Gather::one`] gives, to the bit. They should be close to each
+    /// other. The cost is added to `work`.
+    #[inline(always)]
+    fn few_in<L: Lanes>(
+        &self,
+        receivers: &[Receiver],
+        chosen: &[u32],
+        gathered: &mut [Gathered],
+        scratch: &mut Scratch<H>,
+        work: &mut Work,
+    ) {
+        let Scratch { shared, layers, painting, .. } = scratch;
+        layers.iter_mut().for_each(Layers::clear);
+        let cuts: Vec<_> = chosen
+            .iter()
+            .map(|&i| {
+                let receiver = &receivers[i as usize];
+                let frame = Frame::of(receiver.normal);
+                Cut::new(self.hierarchy, self.buffer, &self.settings, receiver, frame)
+            })
+            .collect();
+        packet::walk::<L, H>(&cuts, shared, layers, work);
+        let full = self.settings.full.clamp(0.75, 1.0);
+        for ((&i, cut), layers) in chosen.iter().zip(&cuts).zip(layers) {
+            let receiver = &receivers[i as usize];
+            let facet = cut.frame.local(receiver.facet);
+            let hidden = |direction: Vec3| facet.dot(direction) <= 0.0;
+            work.fragments += painting.paint(layers, self.buffer, full, hidden);
+            let cells = painting.cells();
+            gathered[i as usize] = self.convolve(receiver, &cut.frame, |cell| {
+                (cells[cell].radiance, 1.0 - cells[cell].covered)
+            });
+        }
     }
 
     /// What each receiver gathers, and the cost of all. The same bits for any number of threads. `tick` hears of (done,
@@ -143,8 +229,10 @@ impl<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync> Gather<'_, H, B> {
             .map_init(Scratch::default, |scratch, (gathered, receivers)| {
                 tick(done.fetch_add(1, Ordering::Relaxed), pieces)?;
                 let mut work = Work::default();
-                for (out, receiver) in gathered.iter_mut().zip(receivers) {
-                    *out = self.one(receiver, scratch, &mut work);
+                let mut order: Vec<u32> = (0..receivers.len() as u32).collect();
+                grouping::group(&mut order, receivers, WIDTH);
+                for chosen in order.chunks(WIDTH) {
+                    self.few(receivers, chosen, gathered, scratch, &mut work);
                 }
                 Ok(work)
             })
@@ -153,18 +241,23 @@ impl<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync> Gather<'_, H, B> {
     }
 
     /// The cells through the receiver's BRDF.
-    fn convolve(&self, receiver: &Receiver, frame: &Frame, fragments: &Fragments) -> Gathered {
+    #[inline(always)]
+    fn convolve(
+        &self,
+        receiver: &Receiver,
+        frame: &Frame,
+        composite: impl Fn(usize) -> (Vec3, f32),
+    ) -> Gathered {
         let facet = frame.local(receiver.facet);
         let to_eye = frame.local(receiver.to_eye);
         let (mut radiance, mut bent) = (Vec3::ZERO, Vec3::ZERO);
         let (mut open, mut all) = (0.0, 0.0);
-        let full = self.settings.full.clamp(0.75, 1.0);
         for (c, cell) in self.buffer.cells().iter().enumerate() {
             // What lies below the facet is the receiver's own surface, whatever its shading normal says.
             if facet.dot(cell.direction) <= 0.0 {
                 continue;
             }
-            let (mut incoming, left) = fragments.composite(c, full);
+            let (mut incoming, left) = composite(c);
             if left > 0.0 {
                 incoming += (self.background)(frame.world(cell.direction)) * left;
                 open += left * cell.weight;

@@ -10,6 +10,7 @@ pub mod spheres;
 pub mod vectors;
 
 use super::hierarchy::{Bound, Entry, Hierarchy, Sent, Surfel};
+use super::lanes::{Lanes, Triple, prefetch};
 use super::topology::{Part, Topology};
 use glam::Vec3;
 use looks::{Look, Scales};
@@ -91,7 +92,7 @@ impl<T: Topology> Hierarchy for Tree<'_, T> {
         Some(Place { node: self.topology.root()?, bound: self.root })
     }
 
-    #[inline]
+    #[inline(always)]
     fn entry(&self, place: Self::Node) -> Entry {
         match self.topology.part(place.node) {
             Part::Leaf(k) => Entry::Leaf(self.leaves.surfel(k, place.bound)),
@@ -99,7 +100,7 @@ impl<T: Topology> Hierarchy for Tree<'_, T> {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn children(&self, place: Self::Node, mut visit: impl FnMut(Self::Node)) {
         self.topology.children(place.node, |node| {
             let bound = match self.topology.part(node) {
@@ -118,6 +119,30 @@ impl<T: Topology> Hierarchy for Tree<'_, T> {
                 let (radiance, share) = self.vectors.sent(i, direction);
                 Sent { radiance, area: share * self.spheres.area(i) }
             }
+        }
+    }
+
+    #[inline(always)]
+    fn sent_to_each<L: Lanes>(
+        &self,
+        place: Self::Node,
+        directions: Triple<L>,
+        _: u32,
+    ) -> (Triple<L>, L) {
+        match self.topology.part(place.node) {
+            Part::Leaf(_) => (Triple::splat(Vec3::ZERO), L::splat(0.0)),
+            Part::Inner(i) => {
+                let (radiance, share) = self.vectors.sent_to_each(i, directions);
+                (radiance, share * L::splat(self.spheres.area(i)))
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn prefetch(&self, place: Self::Node) {
+        if let Part::Inner(i) = self.topology.part(place.node) {
+            prefetch(self.vectors.row(i));
+            self.spheres.prefetch_area(i);
         }
     }
 }

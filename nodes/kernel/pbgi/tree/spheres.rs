@@ -2,6 +2,7 @@
 //! that a walk from the root knows them. A stored sphere holds the sphere it stands for.
 
 use super::super::hierarchy::Bound;
+use super::super::lanes::prefetch;
 use super::super::topology::{Part, Topology};
 use super::lattice::within;
 use glam::Vec3;
@@ -33,6 +34,17 @@ impl Spheres<'_> {
         match self {
             Spheres::Fine(_, areas) => areas[i],
             Spheres::Coarse(_, areas, scale) => super::super::half::decode(areas[i]) / scale,
+        }
+    }
+}
+
+impl Spheres<'_> {
+    /// Hints that the area of inner node `i` will be asked for soon.
+    #[inline(always)]
+    pub fn prefetch_area(&self, i: usize) {
+        match self {
+            Spheres::Fine(_, areas) => prefetch(&areas[i..=i]),
+            Spheres::Coarse(_, areas, _) => prefetch(&areas[i..=i]),
         }
     }
 }
