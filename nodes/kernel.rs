@@ -9,6 +9,7 @@ pub mod density;
 pub mod element;
 pub mod gltf;
 pub mod history;
+pub mod lanes;
 pub mod latlong;
 pub mod light_list;
 pub mod light_tensor;

@@ -8,6 +8,7 @@ mod extremes;
 mod graphs;
 mod oddities;
 mod pbgi;
+mod reports;
 mod runs;
 mod scenes;
 mod sweep;

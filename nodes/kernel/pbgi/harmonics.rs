@@ -3,7 +3,7 @@
 //!
 //! Function l, m has index l(l + 1) + m. The basis is orthonormal over the sphere: a constant 1 has the single coefficient 2 sqrt(pi).
 
-use super::lanes::Lanes;
+use crate::kernel::lanes::Lanes;
 use glam::Vec3;
 use std::f32::consts::PI;
 use std::ops::{Add, Mul, Sub};

@@ -1,6 +1,6 @@
 //! What a gatherer sees of a point hierarchy, whatever its topology and however it is stored.
 
-use super::lanes::{Lanes, Triple, WIDTH};
+use crate::kernel::lanes::{Lanes, Triple, WIDTH};
 use glam::Vec3;
 
 /// A disc of surface that sends light from its front. Its back is not seen and hides nothing: surfels cover closed solids or

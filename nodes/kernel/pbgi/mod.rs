@@ -9,7 +9,6 @@ pub mod gather;
 pub mod half;
 pub mod harmonics;
 pub mod hierarchy;
-pub mod lanes;
 pub mod learning;
 pub mod lut;
 pub mod memory;

@@ -1,9 +1,9 @@
 //! The region of space that a packet's rays fill, to discard what none of them can meet.
 
 use super::hierarchy::{Boxes, SLACK};
-use super::lanes::Lanes;
 use super::picked::PerRay;
 use super::triangle::Three;
+use crate::kernel::lanes::Lanes;
 
 /// Rays that all go the same way along one axis: at depth z along it, another coordinate lies between
 /// `low.0 + low.1 z` and `high.0 + high.1 z`. Relative to the rays' shared point.

@@ -1,10 +1,10 @@
 //! Which rays of a packet a leaf's triangles block.
 
 use super::hierarchy::{Leaf, extra_slack};
-use super::lanes::{Lanes, WIDTH};
 use super::packet::{Packet, groups};
 use super::picked::GROUPS;
 use super::triangle::{Planes, Three, barycentric, corners, splat, store};
+use crate::kernel::lanes::{Lanes, WIDTH};
 
 impl<const PARALLEL: bool> Packet<PARALLEL> {
     /// Which of `rays` are blocked by a leaf's triangles. A hit of a masked triangle counts only if

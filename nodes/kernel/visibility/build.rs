@@ -1,7 +1,7 @@
 //! Building: a binary hierarchy from `obvhs`, collapsed into nodes of eight children.
 
 use super::hierarchy::{Bounds, Build, LEAF, Node};
-use super::lanes::WIDTH;
+use crate::kernel::lanes::WIDTH;
 use glam::Vec3;
 use obvhs::aabb::Aabb;
 use obvhs::bvh2::builder::build_bvh2;

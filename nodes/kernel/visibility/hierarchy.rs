@@ -1,8 +1,8 @@
 //! The eight-wide hierarchy as it lies in memory: nodes, leaves of triangles and the hierarchy of one mesh.
 
 use super::build;
-use super::lanes::{Lanes, WIDTH};
 use super::pages::Paged;
+use crate::kernel::lanes::{Lanes, WIDTH};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 

@@ -12,7 +12,6 @@ mod beam;
 mod blocking;
 mod build;
 mod hierarchy;
-mod lanes;
 mod nearest;
 mod packet;
 mod pages;

@@ -1,7 +1,6 @@
 //! The nearest hits of up to 64 rays that share their origin: what a camera sees through a tile of pixels.
 
 use super::hierarchy::{Bounds, Grown, LEAF, Leaf, Node};
-use super::lanes::{Lanes, WIDTH};
 use super::packet::{Packet, farthest_first, groups};
 use super::picked::{GROUPS, PerRay, Picked, RAYS};
 use super::query::{Query, faces};
@@ -9,6 +8,7 @@ use super::stack::Stack;
 use super::triangle::{Planes, Three, barycentric, corners, dot, splat, store};
 use super::world::World;
 use super::{Ends, Filter, Hit, Hits};
+use crate::kernel::lanes::{Lanes, WIDTH, prefetch};
 use glam::Vec3;
 
 /// By how much of its distance a ray is looked at beyond the nearest hit so far: another at the same distance may be
@@ -170,7 +170,7 @@ fn walk<L: Lanes>(
         let (order, count) = farthest_first(packet.nearness(&boxes), node, met, &through);
         for &(nearness, (child, rays)) in &order[..count] {
             if let Some(node) = nodes.get(child as usize) {
-                L::prefetch(node);
+                prefetch(node);
             }
             stack.push((nearness, child, rays));
         }

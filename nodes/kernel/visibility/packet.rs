@@ -6,11 +6,11 @@
 
 use super::beam::Beam;
 use super::hierarchy::{Bounds, Boxes, Grown, LEAF, Node};
-use super::lanes::{Lanes, WIDTH};
 use super::picked::{GROUPS, PerRay, Picked, low_bits};
 use super::single::{inverse, length};
 use super::stack::Stack;
 use super::triangle::{Three, load, splat, splat_lane, store};
+use crate::kernel::lanes::{Lanes, WIDTH, prefetch};
 
 /// What the leaves of a hierarchy stand for. A trait and not a closure, because its method must be inlined.
 pub(super) trait Leaves {
@@ -18,7 +18,7 @@ pub(super) trait Leaves {
     fn block<L: Lanes>(&self, leaf: u32, rays: u64) -> u64;
 
     /// Hints that leaf `leaf` will be met soon.
-    fn prefetch<L: Lanes>(&self, leaf: u32);
+    fn prefetch(&self, leaf: u32);
 }
 
 /// Rays in some frame. If they are not `PARALLEL`, they are the segments from `origin` to `origin + vector`; if they
@@ -245,9 +245,9 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
             let (order, count) = farthest_first(self.nearness(&boxes), node, met, &through);
             for &(_, child) in &order[..count] {
                 if child.0 & LEAF != 0 {
-                    leaves.prefetch::<L>(child.0 ^ LEAF);
+                    leaves.prefetch(child.0 ^ LEAF);
                 } else if let Some(node) = nodes.get(child.0 as usize) {
-                    L::prefetch(node);
+                    prefetch(node);
                 }
                 stack.push(child);
             }

@@ -1,6 +1,6 @@
 //! The rays of a packet before it is one: picked from a query's 64, side by side.
 
-use super::lanes::WIDTH;
+use crate::kernel::lanes::WIDTH;
 
 /// Rays in a packet.
 pub(super) const RAYS: usize = 64;

@@ -1,12 +1,12 @@
 //! How a world answers queries.
 
 use super::hierarchy::Leaf;
-use super::lanes::{Lanes, Portable, WIDTH};
 use super::packet::{self, Packet};
 use super::picked::Picked;
 use super::single::{self, Ray, Sink};
 use super::world::{Placed, World};
 use super::{Ends, Filter, Hit};
+use crate::kernel::lanes::{Lanes, Portable, WIDTH, prefetch};
 use glam::Vec3;
 
 /// A query, written once for every instruction set.
@@ -34,7 +34,7 @@ pub(super) fn dispatch<Q: Query>(query: Q) -> Q::Answer {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,popcnt")]
 fn with_avx2<Q: Query>(query: Q) -> Q::Answer {
-    query.answer::<super::lanes::Avx2>()
+    query.answer::<crate::kernel::lanes::Avx2>()
 }
 
 /// The leaves of the upper hierarchy to a single ray.
@@ -67,9 +67,9 @@ impl<S: Sink> single::Leaves for Instances<'_, S> {
     }
 
     #[inline(always)]
-    fn prefetch<L: Lanes>(&self, leaf: u32) {
+    fn prefetch(&self, leaf: u32) {
         if let Some(placed) = self.world.instances.get(leaf as usize) {
-            L::prefetch(placed);
+            prefetch(placed);
         }
     }
 }
@@ -93,9 +93,9 @@ impl<S: Sink> single::Leaves for Mesh<'_, S> {
     }
 
     #[inline(always)]
-    fn prefetch<L: Lanes>(&self, leaf: u32) {
+    fn prefetch(&self, leaf: u32) {
         if let Some(leaf) = self.leaves.get(leaf as usize) {
-            L::prefetch(leaf);
+            prefetch(leaf);
         }
     }
 }
@@ -276,9 +276,9 @@ impl<const PARALLEL: bool> packet::Leaves for Places<'_, PARALLEL> {
     }
 
     #[inline(always)]
-    fn prefetch<L: Lanes>(&self, leaf: u32) {
+    fn prefetch(&self, leaf: u32) {
         if let Some(placed) = self.world.instances.get(leaf as usize) {
-            L::prefetch(placed);
+            prefetch(placed);
         }
     }
 }
@@ -300,9 +300,9 @@ impl<const PARALLEL: bool> packet::Leaves for Faces<'_, PARALLEL> {
     }
 
     #[inline(always)]
-    fn prefetch<L: Lanes>(&self, leaf: u32) {
+    fn prefetch(&self, leaf: u32) {
         if let Some(leaf) = self.leaves.get(leaf as usize) {
-            L::prefetch(leaf);
+            prefetch(leaf);
         }
     }
 }

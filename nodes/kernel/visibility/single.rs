@@ -2,11 +2,11 @@
 
 use super::Hit;
 use super::hierarchy::{Bounds, Grown, LEAF, Leaf, Node};
-use super::lanes::{Lanes, WIDTH};
 use super::stack::Stack;
 use super::triangle::{
     Plane, Three, barycentric, corners, dot, edges, forgiven, inside, splat, store,
 };
+use crate::kernel::lanes::{Lanes, WIDTH, prefetch};
 
 /// Smallest share of its largest coordinate that a coordinate of a direction is taken to have, so that its inverse
 /// is finite. Over the ray's whole length it strays from the true ray by this share, far less than boxes forgive.
@@ -46,7 +46,7 @@ pub(super) trait Leaves {
     fn meet<L: Lanes>(&mut self, leaf: u32, reach: f32) -> f32;
 
     /// Hints that leaf `leaf` will be met soon.
-    fn prefetch<L: Lanes>(&self, leaf: u32);
+    fn prefetch(&self, leaf: u32);
 }
 
 /// Takes hits one by one and gives how far the ray reaches from then on, as [`Leaves::meet`].
@@ -139,9 +139,9 @@ pub(super) fn walk<L: Lanes>(
                 let later = if nearer { next } else { other };
                 next = if nearer { other } else { next };
                 if later.0 & LEAF != 0 {
-                    leaves.prefetch::<L>(later.0 ^ LEAF);
+                    leaves.prefetch(later.0 ^ LEAF);
                 } else if let Some(node) = nodes.get(later.0 as usize) {
-                    L::prefetch(node);
+                    prefetch(node);
                 }
                 stack.push(later);
             }

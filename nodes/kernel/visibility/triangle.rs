@@ -12,7 +12,7 @@
 //! Nothing here is a closure: a closure can miss being inlined, and with it the instruction set.
 
 use super::hierarchy::Leaf;
-use super::lanes::{Lanes, WIDTH};
+use crate::kernel::lanes::{Lanes, WIDTH};
 
 /// Three coordinates, each of eight lanes.
 pub(super) type Three<L> = [L; 3];

@@ -26,7 +26,7 @@ pub use buffer::{MicroBuffer, Shape};
 
 use super::hierarchy::Hierarchy;
 use crate::kernel::element::Receiver;
-use crate::kernel::pbgi::lanes::{Lanes, Portable, WIDTH};
+use crate::kernel::lanes::{Lanes, Portable, WIDTH};
 use cut::Cut;
 use fragments::Fragments;
 use frame::Frame;
@@ -155,7 +155,7 @@ impl<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync> Gather<'_, H, B> {
     ) {
         #[cfg(target_arch = "x86_64")]
         {
-            use crate::kernel::pbgi::lanes::Avx2;
+            use crate::kernel::lanes::Avx2;
             #[target_feature(enable = "avx2")]
             fn avx2<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync>(
                 gather: &Gather<'_, H, B>,

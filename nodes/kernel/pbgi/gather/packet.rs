@@ -6,8 +6,8 @@ use super::buffer::MicroBuffer;
 use super::cut::{CLOSE, Cut, HORIZON, NEAR, SPLAT};
 use super::painting::{Layers, PART};
 use super::places::Places;
+use crate::kernel::lanes::{Lanes, Triple, WIDTH};
 use crate::kernel::pbgi::hierarchy::{Bound, Entry, Hierarchy, Surfel};
-use crate::kernel::pbgi::lanes::{Lanes, Triple, WIDTH};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -271,7 +271,7 @@ mod tests {
     use super::super::{Gather, Gathered, MicroBuffer, Scratch, Settings, Shape, Work};
     use crate::kernel::brdf::Reflectance;
     use crate::kernel::element::Receiver;
-    use crate::kernel::pbgi::lanes::Portable;
+    use crate::kernel::lanes::Portable;
     use glam::Vec3;
 
     fn bits(g: &Gathered) -> [[u32; 3]; 3] {

@@ -3,7 +3,7 @@
 
 use super::buffer::MicroBuffer;
 use super::fragments::closed;
-use crate::kernel::pbgi::lanes::WIDTH;
+use crate::kernel::lanes::WIDTH;
 use glam::Vec3;
 
 /// Something that covers cells, in the numbers that lanes give for a receiver:

@@ -1,7 +1,7 @@
 //! Where directions meet a micro-buffer, eight at once: the same bits as [`MicroBuffer::solid_angle`] and [`MicroBuffer::place`].
 
 use super::buffer::{MicroBuffer, Shape};
-use crate::kernel::pbgi::lanes::{Lanes, Triple, WIDTH};
+use crate::kernel::lanes::{Lanes, Triple, WIDTH};
 use std::f32::consts::PI;
 
 /// [`Place`]s side by side.
@@ -74,8 +74,8 @@ impl MicroBuffer {
 mod tests {
     use super::super::buffer::Place;
     use super::*;
+    use crate::kernel::lanes::Portable;
     use crate::kernel::pbgi::fixtures::unit_vectors;
-    use crate::kernel::pbgi::lanes::Portable;
     use glam::Vec3;
 
     #[test]

@@ -10,8 +10,8 @@ pub mod spheres;
 pub mod vectors;
 
 use super::hierarchy::{Bound, Entry, Hierarchy, Sent, Surfel};
-use super::lanes::{Lanes, Triple, prefetch};
 use super::topology::{Part, Topology};
+use crate::kernel::lanes::{Lanes, Triple, prefetch};
 use glam::Vec3;
 use looks::{Look, Scales};
 use spheres::Spheres;

@@ -2,9 +2,9 @@
 //! that a walk from the root knows them. A stored sphere holds the sphere it stands for.
 
 use super::super::hierarchy::Bound;
-use super::super::lanes::prefetch;
 use super::super::topology::{Part, Topology};
 use super::lattice::within;
+use crate::kernel::lanes::prefetch;
 use glam::Vec3;
 
 /// Spheres and areas by the number of their inner node.

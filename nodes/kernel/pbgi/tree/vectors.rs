@@ -2,8 +2,8 @@
 
 use super::super::bits;
 use super::super::harmonics::{basis, basis_at, dot, functions, with_functions};
-use super::super::lanes::{Lanes, Triple};
 use super::super::stream::dimensions;
+use crate::kernel::lanes::{Lanes, Triple};
 use glam::Vec3;
 
 /// Vectors by the number of their inner node.
@@ -104,8 +104,8 @@ pub const fn colour_bytes(bands: u32) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::super::super::fixtures::unit_vectors;
-    use super::super::super::lanes::{Portable, WIDTH};
     use super::*;
+    use crate::kernel::lanes::{Portable, WIDTH};
 
     #[test]
     fn eight_receivers_are_sent_what_each_alone_is() {

@@ -1,4 +1,5 @@
-//! Eight `f32` at once, for what is asked of one node by eight receivers: the same bits on every instruction set.
+//! Eight `f32` at once: the children of a node, the triangles of a leaf, rays or receivers side by side. Every operation is the
+//! same IEEE operation in each implementation and none is fused, so an answer has the same bits on every instruction set.
 
 use glam::Vec3;
 use std::ops::{Add, Div, Mul, Sub};
@@ -6,8 +7,7 @@ use std::ops::{Add, Div, Mul, Sub};
 /// Numbers side by side.
 pub const WIDTH: usize = 8;
 
-/// Eight `f32`. Every operation is the same IEEE operation in each implementation and none is fused. Masks have bit i set where
-/// lane i is meant.
+/// Eight `f32`. Masks have bit i set where lane i is meant.
 pub trait Lanes:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
@@ -27,6 +27,8 @@ pub trait Lanes:
     fn abs(self) -> Self;
     /// The other sign by lane.
     fn negated(self) -> Self;
+    /// The other sign in the lanes in which `sign` has its sign bit set.
+    fn flip(self, sign: Self) -> Self;
     /// Where `self` is greater than `other`.
     fn gt(self, other: Self) -> u32;
     /// Where `self` is greater than or equal to `other`.
@@ -107,6 +109,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn negated(self) -> Self {
         self.zip(self, |a, _| -a)
+    }
+    #[inline(always)]
+    fn flip(self, sign: Self) -> Self {
+        self.zip(sign, |a, s| f32::from_bits(a.to_bits() ^ (s.to_bits() & 0x8000_0000)))
     }
     #[inline(always)]
     fn gt(self, other: Self) -> u32 {
@@ -195,6 +201,11 @@ mod avx2 {
             Self(unsafe { _mm256_xor_ps(_mm256_set1_ps(-0.0), self.0) })
         }
         #[inline(always)]
+        fn flip(self, sign: Self) -> Self {
+            // SAFETY: the processor has AVX2, see the type.
+            Self(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(sign.0, _mm256_set1_ps(-0.0))) })
+        }
+        #[inline(always)]
         fn gt(self, other: Self) -> u32 {
             // SAFETY: the processor has AVX2, see the type.
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0)) as u32 }
@@ -250,20 +261,22 @@ mod avx2 {
     }
 }
 
-/// Hints that all of `values` will be read soon.
+/// Hints that all of `value` will be read soon.
 #[inline(always)]
-pub fn prefetch<T>(values: &[T]) {
+pub fn prefetch<T: ?Sized>(value: &T) {
     #[cfg(target_arch = "x86_64")]
     {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        let start = values.as_ptr().cast::<i8>();
-        for offset in (0..size_of_val(values)).step_by(64) {
-            // SAFETY: the address lies inside `values`; a prefetch reads nothing the program can see.
+        let start = std::ptr::from_ref(value).cast::<i8>();
+        let mut offset = 0;
+        while offset < size_of_val(value) {
+            // SAFETY: the address lies inside `value`; a prefetch reads nothing the program can see.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(offset)) };
+            offset += 64;
         }
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = values;
+    let _ = value;
 }
 
 /// Vectors side by side.
@@ -338,6 +351,7 @@ mod tests {
             x.min(y),
             x.abs(),
             x.negated(),
+            x.flip(y),
             x.or(0b1010_0110, y),
             L::splat(a[3]),
         ];
