@@ -45,7 +45,7 @@ crate::inputs! {
 
 impl Node for AmbientOcclusion {
     const KIND: &'static str = "AmbientOcclusion";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = AmbientOcclusionIn;
     type Out = Image;
 

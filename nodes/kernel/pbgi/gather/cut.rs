@@ -183,13 +183,16 @@ impl<'a, H: Hierarchy> Cut<'a, H> {
         (!self.lies_on(surfel, to)).then_some(Disc { center, normal, radius: surfel.radius })
     }
 
-    /// Whether the receiver lies on a large disc, or under one of its own convex surface: neither lights nor shadows it.
+    /// Whether the receiver lies on a large disc, or under one of its own convex surface, or above the centre of one that
+    /// stands out over the edge between them: neither lights nor shadows it. A wall's discs whose centres are below the
+    /// floor are not missed: those above reach down to it.
     fn lies_on(&self, surfel: &Surfel, to: Vec3) -> bool {
         let under = to.dot(surfel.normal);
         let along = surfel.normal.dot(self.facet);
         let arc = to.dot(self.facet - surfel.normal).abs() <= RISEN * to.length();
         let floats = along > 0.5 && under > 0.0 || along < -0.5 && under < 0.0 && arc;
-        under.abs() <= COPLANAR * surfel.radius + self.slack
+        to.dot(self.facet) <= self.slack
+            || under.abs() <= COPLANAR * surfel.radius + self.slack
             || (floats && under.abs() <= FLOATING * surfel.radius)
     }
 

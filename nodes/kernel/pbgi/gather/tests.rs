@@ -164,6 +164,19 @@ fn a_convex_surface_does_not_shadow_itself() {
 }
 
 #[test]
+fn the_side_of_a_groove_does_not_stand_out_of_it() {
+    // Discs as large as the groove is deep, on its far side: their upper halves are above the floor.
+    let side = |k: i32| disc(Vec3::new(0.1, -0.3, 0.25 * k as f32), Vec3::NEG_X, 0.5, Vec3::ONE);
+    let tree = exact((-4..=4).map(side).collect());
+    for buffer in buffers() {
+        let above = gather(&tree, &white(Vec3::ZERO, Vec3::Y), &buffer);
+        assert_eq!((above.radiance, above.open), (Vec3::ZERO, 1.0));
+        let below = gather(&tree, &white(Vec3::Y * -0.4, Vec3::Y), &buffer);
+        assert!((0.3..0.6).contains(&below.open), "{below:?}");
+    }
+}
+
+#[test]
 fn a_wall_takes_half_of_the_sky() {
     for buffer in buffers() {
         let wall = sheet(Vec3::X, [Vec3::Z * 100.0, Vec3::Y * 100.0], 300, Vec3::ZERO, 0.2);
