@@ -11,7 +11,7 @@ use crate::kernel::mapper::{Mapper, Maps};
 use crate::kernel::receivers::Receivers;
 use crate::kernel::scaled_sums::Waiting;
 use crate::kernel::stage::Stage;
-use crate::kernel::visibility::Ends;
+use crate::kernel::visibility::{Blocker, Ends};
 use crate::node::{All, Ctx, Error, Item, Node, Sequence, Sizes};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -241,10 +241,11 @@ impl<'a> Pass<'a> {
                 let zeros = |member: &Member<'_>| vec![Vec3::ZERO; member.served.len() * block.len()];
                 let mut sums: Vec<Vec<Vec3>> = self.members.iter().map(zeros).collect();
                 let mut waiting = Waiting::new();
+                let mut blockers = vec![Blocker::default(); self.columns.len()];
                 for (t, receivers) in block.chunks(Ends::CAPACITY).enumerate() {
                     let tile = tensor.tile(receivers);
-                    for (light, users) in &self.columns {
-                        if tensor.column(*light as usize, &tile, waiting.room()) == 0 {
+                    for ((light, users), blocker) in self.columns.iter().zip(&mut blockers) {
+                        if tensor.column(*light as usize, &tile, blocker, waiting.room()) == 0 {
                             continue;
                         }
                         for &(m, r) in users {

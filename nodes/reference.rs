@@ -4,7 +4,7 @@ use crate::data::{DeepFramebuffer, Geometry, Image, Lights, Materials, Poses};
 use crate::kernel::light_tensor::{LightTensor, RayTensor};
 use crate::kernel::receivers::Receivers;
 use crate::kernel::stage::Stage;
-use crate::kernel::visibility::Ends;
+use crate::kernel::visibility::{Blocker, Ends};
 use crate::node::{Ctx, Error, Item, Node};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -56,8 +56,9 @@ impl Node for Reference {
                 let mut sum = vec![DVec3::ZERO; packet.len()];
                 let tile = tensor.tile(packet);
                 let mut column = vec![Vec3::ZERO; packet.len()];
+                let mut blocker = Blocker::default();
                 for j in 0..tensor.lights() {
-                    if tensor.column(j, &tile, &mut column) != 0 {
+                    if tensor.column(j, &tile, &mut blocker, &mut column) != 0 {
                         sum.iter_mut().zip(&column).for_each(|(s, c)| *s += c.as_dvec3());
                     }
                 }

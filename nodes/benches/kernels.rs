@@ -11,7 +11,7 @@ use lightloom_nodes::kernel::neighbours::{Features, Pyramid, compose, map};
 use lightloom_nodes::kernel::nine_vectors::nine_vectors;
 use lightloom_nodes::kernel::receivers::Receivers;
 use lightloom_nodes::kernel::stage::Stage;
-use lightloom_nodes::kernel::visibility::Ends;
+use lightloom_nodes::kernel::visibility::{Blocker, Ends};
 use lightloom_nodes::node::{Ctx, Error, Item, Node};
 use lightloom_nodes::*;
 use std::sync::{Arc, LazyLock};
@@ -102,8 +102,10 @@ fn columns_by_packets(bencher: Bencher) {
         let mut column = [Vec3::ZERO; Ends::CAPACITY];
         let mut sum = Vec3::ZERO;
         for j in (0..tensor.lights()).step_by(STEP) {
+            let mut blocker = Blocker::default();
             for packet in samples.chunks(Ends::CAPACITY) {
-                tensor.column(j, &tensor.tile(packet), &mut column[..packet.len()]);
+                let (tile, column) = (tensor.tile(packet), &mut column[..packet.len()]);
+                tensor.column(j, &tile, &mut blocker, column);
                 sum += column[0];
             }
         }

@@ -4,7 +4,7 @@
 use super::element::{Light, Receiver, element, faces};
 use super::stage::Stage;
 use super::tile::Tile;
-use super::visibility::Ends;
+use super::visibility::{Blocker, Ends};
 use crate::data::{LightKind, Lights};
 use glam::Vec3;
 
@@ -16,8 +16,14 @@ pub trait LightTensor {
     /// That of every light, in the order of the list, into `row`.
     fn row(&self, receiver: &Receiver, row: &mut [Vec3]);
     /// That of light `j` on the receivers of a tile, into `column`; gives which of them it reaches. A tile that the
-    /// light does not reach at all leaves `column` as it was.
-    fn column(&self, light: usize, tile: &Tile<'_>, column: &mut [Vec3]) -> u64;
+    /// light does not reach at all leaves `column` as it was. `blocker` is what hid the light from the tile before.
+    fn column(
+        &self,
+        light: usize,
+        tile: &Tile<'_>,
+        blocker: &mut Blocker,
+        column: &mut [Vec3],
+    ) -> u64;
 }
 
 /// The lighting tensor by rays on the CPU. Rows and columns trace packets that share their end point.
@@ -78,14 +84,14 @@ impl LightTensor for RayTensor<'_> {
     fn row(&self, receiver: &Receiver, row: &mut [Vec3]) {
         row.fill(Vec3::ZERO);
         let start = receiver.lifted(self.stage.bias());
-        let mut packet = Packet::new();
+        let (mut packet, mut blocker) = (Packet::new(), Blocker::default());
         for &j in &self.order {
             let light = &self.lights[j as usize];
             if faces(receiver, light) {
                 packet.push(j, self.end(start, light));
                 if packet.is_full() {
                     packet.visible(
-                        |ends, active| self.stage.occluded_from(start, ends, active),
+                        |ends, active| self.stage.occluded_from(start, ends, active, &mut blocker),
                         |j| {
                             row[j as usize] = element(receiver, &self.lights[j as usize]);
                         },
@@ -94,22 +100,30 @@ impl LightTensor for RayTensor<'_> {
             }
         }
         packet.visible(
-            |ends, active| self.stage.occluded_from(start, ends, active),
+            |ends, active| self.stage.occluded_from(start, ends, active, &mut blocker),
             |j| {
                 row[j as usize] = element(receiver, &self.lights[j as usize]);
             },
         );
     }
 
-    fn column(&self, light: usize, tile: &Tile<'_>, column: &mut [Vec3]) -> u64 {
+    fn column(
+        &self,
+        light: usize,
+        tile: &Tile<'_>,
+        blocker: &mut Blocker,
+        column: &mut [Vec3],
+    ) -> u64 {
         let light = &self.lights[light];
         let facing = tile.facing(light);
         if facing == 0 {
             return 0;
         }
         let blocked = match light.end(self.stage.bias()) {
-            Some(origin) => self.stage.occluded_from(origin, &tile.lifted, facing),
-            None => self.stage.occluded_parallel(-light.direction, &tile.lifted, facing),
+            Some(origin) => self.stage.occluded_from(origin, &tile.lifted, facing, blocker),
+            None => {
+                self.stage.occluded_parallel(-light.direction, &tile.lifted, facing, blocker)
+            }
         };
         let lit = facing & !blocked;
         if lit != 0 {
@@ -186,7 +200,7 @@ mod tests {
         let (mut lit, mut dark) = (0, 0);
         for j in 0..tensor.lights() {
             let mut column = vec![Vec3::ZERO; receivers.len()];
-            tensor.column(j, &tile, &mut column);
+            tensor.column(j, &tile, &mut Blocker::default(), &mut column);
             for (i, receiver) in receivers.iter().enumerate() {
                 let single = tensor.element(receiver, j);
                 assert_eq!(row_element(i, j), column[i], "receiver {i}, light {j}");

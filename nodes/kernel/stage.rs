@@ -3,7 +3,7 @@
 use super::brdf::Reflectance;
 use super::posing::posed_vertices;
 use super::texture::{self, Texture};
-use super::visibility::{Blas, Build, Ends, Hit, Hits, Instance, World};
+use super::visibility::{Blas, Blocker, Build, Ends, Hit, Hits, Instance, World};
 use crate::data::{Geometry, Materials, Poses, alpha, instance};
 use crate::node::{Ctx, Digest, Error, Item};
 use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
@@ -408,13 +408,27 @@ impl Stage {
     }
 
     /// Which of the segments from `origin` to the active `ends` are blocked.
-    pub fn occluded_from(&self, origin: Vec3, ends: &Ends, active: u64) -> u64 {
-        self.world.occluded_from(origin, ends, active, &|t, u, v| self.solid(t, u, v))
+    pub fn occluded_from(
+        &self,
+        origin: Vec3,
+        ends: &Ends,
+        active: u64,
+        blocker: &mut Blocker,
+    ) -> u64 {
+        let solid = |t, u, v| self.solid(t, u, v);
+        self.world.occluded_from(origin, ends, active, blocker, &solid)
     }
 
     /// Which of the parallel rays from the active `starts` are blocked.
-    pub fn occluded_parallel(&self, direction: Vec3, starts: &Ends, active: u64) -> u64 {
-        self.world.occluded_parallel(direction, starts, active, &|t, u, v| self.solid(t, u, v))
+    pub fn occluded_parallel(
+        &self,
+        direction: Vec3,
+        starts: &Ends,
+        active: u64,
+        blocker: &mut Blocker,
+    ) -> u64 {
+        let solid = |t, u, v| self.solid(t, u, v);
+        self.world.occluded_parallel(direction, starts, active, blocker, &solid)
     }
 }
 

@@ -11,7 +11,7 @@ mod scenes;
 use cpu_time::{ProcessTime, ThreadTime};
 use embree::{Embree, EmbreeScene, Quality};
 use glam::Vec3;
-use lightloom_nodes::kernel::visibility::{Blas, Build, Ends, Instance, World};
+use lightloom_nodes::kernel::visibility::{Blas, Blocker, Build, Ends, Instance, World};
 use rays::{Found, Points, Rays, found};
 use scenes::Scene;
 use std::sync::Arc;
@@ -216,13 +216,14 @@ fn shadows(
 fn packets(world: &World, rays: &Rays, blocked: &mut [bool]) {
     let mut ends = Ends::new();
     for (shared, run) in &rays.runs {
+        let mut blocker = Blocker::default();
         for first in run.clone().step_by(Ends::CAPACITY) {
             let count = (run.end - first).min(Ends::CAPACITY);
             ends.xs[..count].copy_from_slice(&rays.end[0][first..][..count]);
             ends.ys[..count].copy_from_slice(&rays.end[1][first..][..count]);
             ends.zs[..count].copy_from_slice(&rays.end[2][first..][..count]);
             let active = u64::MAX >> (Ends::CAPACITY - count);
-            let bits = world.occluded_from(*shared, &ends, active, &|_, _, _| true);
+            let bits = world.occluded_from(*shared, &ends, active, &mut blocker, &|_, _, _| true);
             for (i, blocked) in blocked[first..][..count].iter_mut().enumerate() {
                 *blocked = bits >> i & 1 != 0;
             }

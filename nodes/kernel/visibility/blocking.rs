@@ -6,6 +6,16 @@ use super::picked::GROUPS;
 use super::triangle::{Planes, Three, barycentric, corners, splat, store};
 use crate::kernel::lanes::{Lanes, WIDTH};
 
+/// The leaf that blocked most of the rays of a query: what blocks one bundle often blocks the next. It changes how fast
+/// answers are found, and not what they are.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Blocker {
+    pub(super) instance: u32,
+    pub(super) leaf: u32,
+    /// How many it blocked; of none, nothing is known.
+    pub(super) rays: u32,
+}
+
 impl<const PARALLEL: bool> Packet<PARALLEL> {
     /// Which of `rays` are blocked by a leaf's triangles. A hit of a masked triangle counts only if
     /// `keep(local triangle, u, v)`.

@@ -22,6 +22,7 @@ mod stack;
 mod triangle;
 mod world;
 
+pub use blocking::Blocker;
 pub use hierarchy::{Blas, Build};
 pub use world::{Instance, World};
 

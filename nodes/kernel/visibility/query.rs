@@ -1,6 +1,7 @@
 //! How a world answers queries.
 
 use super::hierarchy::Leaf;
+use super::blocking::Blocker;
 use super::packet::{self, Packet};
 use super::picked::Picked;
 use super::single::{self, Ray, Sink};
@@ -8,6 +9,7 @@ use super::world::{Placed, World};
 use super::{Ends, Filter, Hit};
 use crate::kernel::lanes::{Lanes, Portable, WIDTH, prefetch};
 use glam::Vec3;
+use std::cell::Cell;
 
 /// A query, written once for every instruction set.
 pub(super) trait Query {
@@ -177,6 +179,7 @@ pub(super) struct Bundle<'a, const PARALLEL: bool> {
     pub(super) shared: Vec3,
     pub(super) ends: &'a Ends,
     pub(super) active: u64,
+    pub(super) blocker: &'a mut Blocker,
     pub(super) filter: &'a Filter<'a>,
 }
 
@@ -185,7 +188,7 @@ impl<const PARALLEL: bool> Query for Bundle<'_, PARALLEL> {
 
     #[inline(always)]
     fn answer<L: Lanes>(self) -> u64 {
-        let Bundle { ends, active, .. } = self;
+        let Bundle { world, ends, active, blocker, filter, .. } = self;
         let shared = self.shared.to_array();
         let mut left = active;
         let mut origin = shared;
@@ -216,10 +219,17 @@ impl<const PARALLEL: bool> Query for Bundle<'_, PARALLEL> {
                 picked.push(v, ray);
             }
             let packet = Packet::<PARALLEL>::new::<L>(origin, direction, &picked);
-            let leaves = Places { world: self.world, packet: &packet, filter: self.filter };
-            let World { nodes, root, bounds, .. } = self.world;
-            let found = packet.walk::<L>((nodes, *root, bounds), packet.all(), &leaves);
-            blocked |= picked.places(found);
+            let most = Cell::new(Blocker::default());
+            let leaves = Places { world, packet: &packet, filter, most: &most };
+            let known = match blocker.rays {
+                0 => 0,
+                _ => leaves.instance::<L>(blocker.instance, Some(blocker.leaf), packet.all()),
+            };
+            let left = packet.all() & !known;
+            let World { nodes, root, bounds, .. } = world;
+            let found = packet.walk::<L>((nodes, *root, bounds), left, &leaves);
+            blocked |= picked.places(known | found);
+            *blocker = most.get();
         }
         blocked
     }
@@ -253,26 +263,47 @@ struct Places<'a, const PARALLEL: bool> {
     world: &'a World,
     packet: &'a Packet<PARALLEL>,
     filter: &'a Filter<'a>,
+    /// The leaf that blocks the most rays so far.
+    most: &'a Cell<Blocker>,
 }
 
 impl<const PARALLEL: bool> Places<'_, PARALLEL> {
+    /// Which of `rays` are blocked by an instance, or by one of its leaves alone.
     #[inline(always)]
-    fn trace<L: Lanes>(&self, placed: &Placed, packet: &Packet<PARALLEL>, rays: u64) -> u64 {
-        let (first, blas) = (placed.first_triangle, &*placed.blas);
-        let leaves = Faces { first, leaves: &blas.leaves, packet, filter: self.filter };
-        packet.walk::<L>((&blas.nodes, 0, &blas.bounds), rays, &leaves)
+    fn instance<L: Lanes>(&self, instance: u32, only: Option<u32>, rays: u64) -> u64 {
+        let Some(placed) = self.world.instances.get(instance as usize) else { return 0 };
+        let Some(to) = &placed.to_object else {
+            return self.trace::<L>((instance, placed), only, self.packet, rays);
+        };
+        let (packet, picked) = self.packet.mapped::<L>(rays, |p| to.point(p), |v| to.vector(v));
+        picked.places(self.trace::<L>((instance, placed), only, &packet, packet.all()))
+    }
+
+    #[inline(always)]
+    fn trace<L: Lanes>(
+        &self,
+        (instance, placed): (u32, &Placed),
+        only: Option<u32>,
+        packet: &Packet<PARALLEL>,
+        rays: u64,
+    ) -> u64 {
+        let (blas, first) = (&*placed.blas, placed.first_triangle);
+        let Places { filter, most, .. } = *self;
+        let faces = Faces { instance, first, leaves: &blas.leaves, packet, filter, most };
+        match only {
+            None => packet.walk::<L>((&blas.nodes, 0, &blas.bounds), rays, &faces),
+            Some(leaf) if (leaf as usize) < blas.leaves.len() => {
+                packet::Leaves::block::<L>(&faces, leaf, rays)
+            }
+            Some(_) => 0,
+        }
     }
 }
 
 impl<const PARALLEL: bool> packet::Leaves for Places<'_, PARALLEL> {
     #[inline(always)]
     fn block<L: Lanes>(&self, leaf: u32, rays: u64) -> u64 {
-        let placed = &self.world.instances[leaf as usize];
-        let Some(to) = &placed.to_object else {
-            return self.trace::<L>(placed, self.packet, rays);
-        };
-        let (packet, picked) = self.packet.mapped::<L>(rays, |p| to.point(p), |v| to.vector(v));
-        picked.places(self.trace::<L>(placed, &packet, packet.all()))
+        self.instance::<L>(leaf, None, rays)
     }
 
     #[inline(always)]
@@ -285,10 +316,12 @@ impl<const PARALLEL: bool> packet::Leaves for Places<'_, PARALLEL> {
 
 /// The leaves of a mesh's hierarchy to a packet, in the mesh's frame.
 struct Faces<'a, const PARALLEL: bool> {
+    instance: u32,
     first: u32,
     leaves: &'a [Leaf],
     packet: &'a Packet<PARALLEL>,
     filter: &'a Filter<'a>,
+    most: &'a Cell<Blocker>,
 }
 
 impl<const PARALLEL: bool> packet::Leaves for Faces<'_, PARALLEL> {
@@ -296,7 +329,12 @@ impl<const PARALLEL: bool> packet::Leaves for Faces<'_, PARALLEL> {
     fn block<L: Lanes>(&self, leaf: u32, rays: u64) -> u64 {
         let (first, filter) = (self.first, self.filter);
         let keep = |triangle: u32, u, v| filter(first.wrapping_add(triangle), u, v);
-        self.packet.leaf::<L>(&self.leaves[leaf as usize], rays, &keep)
+        let blocked = self.packet.leaf::<L>(&self.leaves[leaf as usize], rays, &keep);
+        let rays = blocked.count_ones();
+        if rays > self.most.get().rays {
+            self.most.set(Blocker { instance: self.instance, leaf, rays });
+        }
+        blocked
     }
 
     #[inline(always)]

@@ -1,5 +1,6 @@
 //! Instances of meshes, a hierarchy over them, and what may be asked of both.
 
+use super::blocking::Blocker;
 use super::hierarchy::{Blas, Bounds, Build, LEAF, Node};
 use super::nearest::NearestFrom;
 use super::query::{Blocked, Bundle, Closest, dispatch};
@@ -188,8 +189,15 @@ impl World {
     ///
     /// Ends that are near to each other, as those of an 8 x 8 tile of pixels or of lights in space order, are fastest.
     #[must_use]
-    pub fn occluded_from(&self, origin: Vec3, ends: &Ends, active: u64, filter: &Filter) -> u64 {
-        dispatch(Bundle::<false> { world: self, shared: origin, ends, active, filter })
+    pub fn occluded_from(
+        &self,
+        origin: Vec3,
+        ends: &Ends,
+        active: u64,
+        blocker: &mut Blocker,
+        filter: &Filter,
+    ) -> u64 {
+        dispatch(Bundle::<false> { world: self, shared: origin, ends, active, blocker, filter })
     }
 
     /// For each i in `active`, whether anything lies ahead of start i along the shared `direction`, however far: bit
@@ -200,9 +208,11 @@ impl World {
         direction: Vec3,
         starts: &Ends,
         active: u64,
+        blocker: &mut Blocker,
         filter: &Filter,
     ) -> u64 {
-        dispatch(Bundle::<true> { world: self, shared: direction, ends: starts, active, filter })
+        let (shared, ends) = (direction, starts);
+        dispatch(Bundle::<true> { world: self, shared, ends, active, blocker, filter })
     }
 }
 
