@@ -121,9 +121,7 @@ impl LightTensor for RayTensor<'_> {
         }
         let blocked = match light.end(self.stage.bias()) {
             Some(origin) => self.stage.occluded_from(origin, &tile.lifted, facing, blocker),
-            None => {
-                self.stage.occluded_parallel(-light.direction, &tile.lifted, facing, blocker)
-            }
+            None => self.stage.occluded_parallel(-light.direction, &tile.lifted, facing, blocker),
         };
         let lit = facing & !blocked;
         if lit != 0 {

@@ -407,7 +407,7 @@ impl Stage {
         self.world.occluded_along(from, direction, &|t, u, v| self.solid(t, u, v))
     }
 
-    /// Which of the segments from `origin` to the active `ends` are blocked.
+    /// Which of the segments from `origin` to the active `ends` are blocked; `blocker` as in [`World::occluded_from`].
     pub fn occluded_from(
         &self,
         origin: Vec3,
@@ -419,7 +419,7 @@ impl Stage {
         self.world.occluded_from(origin, ends, active, blocker, &solid)
     }
 
-    /// Which of the parallel rays from the active `starts` are blocked.
+    /// Which of the parallel rays from the active `starts` are blocked; `blocker` as in [`World::occluded_from`].
     pub fn occluded_parallel(
         &self,
         direction: Vec3,

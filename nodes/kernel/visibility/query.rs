@@ -1,7 +1,7 @@
 //! How a world answers queries.
 
-use super::hierarchy::Leaf;
 use super::blocking::Blocker;
+use super::hierarchy::Leaf;
 use super::packet::{self, Packet};
 use super::picked::Picked;
 use super::single::{self, Ray, Sink};
@@ -380,10 +380,13 @@ mod tests {
                 .map(|i| at(i % 8 + k % 30, i / 8 + k % 29) + Vec3::Y * (0.02 * (i % 3) as f32))
                 .collect();
             let (ends, active) = Ends::from_points(&points);
-            let from = || Bundle::<false> { world, shared, ends: &ends, active, filter };
-            let along = || Bundle::<true> { world, shared, ends: &ends, active, filter };
-            let (x, y) = (dispatch(from()), dispatch(along()));
-            assert_eq!((x, y), (from().answer::<Portable>(), along().answer::<Portable>()));
+            let [mut a, mut b, mut c, mut d] = [Blocker::default(); 4];
+            let ends = &ends;
+            let from = |blocker| Bundle::<false> { world, shared, ends, active, blocker, filter };
+            let along = |blocker| Bundle::<true> { world, shared, ends, active, blocker, filter };
+            let (x, y) = (dispatch(from(&mut a)), dispatch(along(&mut b)));
+            assert_eq!(x, from(&mut c).answer::<Portable>());
+            assert_eq!(y, along(&mut d).answer::<Portable>());
             answers[0] += x.count_ones();
             answers[1] += y.count_ones();
             let direction = (points[k % 64] - shared).to_array();

@@ -6,6 +6,14 @@ use std::sync::Arc;
 
 const OPAQUE: &Filter = &|_, _, _| true;
 
+fn blocked_from(world: &World, origin: Vec3, ends: &Ends, active: u64) -> u64 {
+    world.occluded_from(origin, ends, active, &mut Blocker::default(), OPAQUE)
+}
+
+fn blocked_along(world: &World, direction: Vec3, starts: &Ends, active: u64) -> u64 {
+    world.occluded_parallel(direction, starts, active, &mut Blocker::default(), OPAQUE)
+}
+
 /// A small generator of its own, so that the tests fix their scenes.
 struct Random(u64);
 
@@ -93,12 +101,17 @@ fn closest_agrees_with_brute_force() {
 /// The packet's answers that differ from the single ray's, and how many were asked.
 fn differing(world: &World, points: &[Vec3], filter: &Filter) -> (u32, u32) {
     let (mut differ, mut asked) = (0, 0);
+    let mut blocker = Blocker::default();
     for (i, chunk) in points.chunks(64).enumerate() {
         let (ends, all) = Ends::from_points(chunk);
         let active = all & !(0x9111_0000_0421_8000u64.rotate_left(i as u32));
         let shared = points[(i * 977 + 13) % points.len()];
-        let from = world.occluded_from(shared, &ends, active, filter);
-        let parallel = world.occluded_parallel(shared, &ends, active, filter);
+        let [mut none, mut also_none] = [Blocker::default(); 2];
+        let from = world.occluded_from(shared, &ends, active, &mut none, filter);
+        let parallel = world.occluded_parallel(shared, &ends, active, &mut also_none, filter);
+        // What blocked other rays decides nothing.
+        assert_eq!(world.occluded_from(shared, &ends, active, &mut blocker, filter), from);
+        assert_eq!(world.occluded_parallel(shared, &ends, active, &mut blocker, filter), parallel);
         assert_eq!((from | parallel) & !active, 0);
         for (lane, &point) in chunk.iter().enumerate().filter(|(l, _)| active >> l & 1 != 0) {
             let single = world.occluded(shared, point, filter);
@@ -187,9 +200,9 @@ fn degenerate_scenes_agree() {
             let below = above - Vec3::Y * 3.0;
             assert!(world.occluded(above, below, OPAQUE));
             let (ends, mask) = Ends::from_points(&[below]);
-            assert_eq!(world.occluded_from(above, &ends, mask, OPAQUE), 1);
+            assert_eq!(blocked_from(&world, above, &ends, mask), 1);
             let (starts, mask) = Ends::from_points(&[above]);
-            assert_eq!(world.occluded_parallel(Vec3::NEG_Y, &starts, mask, OPAQUE), 1);
+            assert_eq!(blocked_along(&world, Vec3::NEG_Y, &starts, mask), 1);
         }
     }
 }
@@ -201,8 +214,8 @@ fn nothing_is_hit_in_an_empty_world() {
     for world in [World::new(Vec::new()), world(&[], &[]), world(&[[Vec3::X; 3]], &[])] {
         assert_eq!(world.closest(Vec3::ZERO, Vec3::X, 0.0, f32::INFINITY, OPAQUE), None);
         assert!(!world.occluded(Vec3::ZERO, Vec3::X, OPAQUE));
-        assert_eq!(world.occluded_from(Vec3::ZERO, &ends, all, OPAQUE), 0);
-        assert_eq!(world.occluded_parallel(Vec3::X, &ends, all, OPAQUE), 0);
+        assert_eq!(blocked_from(&world, Vec3::ZERO, &ends, all), 0);
+        assert_eq!(blocked_along(&world, Vec3::X, &ends, all), 0);
     }
 }
 
@@ -323,14 +336,14 @@ fn a_closed_sphere_does_not_leak() {
         for chunk in targets.chunks(64) {
             let points: Vec<Vec3> = chunk.iter().map(|p| outside(*p)).collect();
             let (ends, all) = Ends::from_points(&points);
-            assert_eq!(world.occluded_from(centre, &ends, all, OPAQUE), all, "{centre} {radius}");
+            assert_eq!(blocked_from(&world, centre, &ends, all), all, "{centre} {radius}");
             for &end in &points {
                 assert!(world.occluded(centre, end, OPAQUE));
             }
             let starts: Vec<Vec3> = chunk.iter().map(|p| centre + (*p - centre) * 0.5).collect();
             let (starts, all) = Ends::from_points(&starts);
             let direction = chunk[0] - centre;
-            assert_eq!(world.occluded_parallel(direction, &starts, all, OPAQUE), all);
+            assert_eq!(blocked_along(&world, direction, &starts, all), all);
         }
     }
 }

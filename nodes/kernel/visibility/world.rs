@@ -188,6 +188,7 @@ impl World {
     /// directional light the end is the origin plus a long multiple of the direction.
     ///
     /// Ends that are near to each other, as those of an 8 x 8 tile of pixels or of lights in space order, are fastest.
+    /// `blocker` is what blocked rays nearby (the default where nothing is known), and becomes what blocks these.
     #[must_use]
     pub fn occluded_from(
         &self,
@@ -201,7 +202,7 @@ impl World {
     }
 
     /// For each i in `active`, whether anything lies ahead of start i along the shared `direction`, however far: bit
-    /// i of the answer.
+    /// i of the answer. `blocker` as in [`World::occluded_from`].
     #[must_use]
     pub fn occluded_parallel(
         &self,
