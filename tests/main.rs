@@ -12,5 +12,6 @@ mod reports;
 mod runs;
 mod scenes;
 mod sweep;
+mod tables;
 mod tensor;
 mod workspace;
