@@ -10,6 +10,7 @@ use lightloom_nodes::kernel::light_tensor::{LightTensor, RayTensor};
 use lightloom_nodes::kernel::neighbours::{Features, Pyramid, compose, map};
 use lightloom_nodes::kernel::nine_vectors::nine_vectors;
 use lightloom_nodes::kernel::receivers::Receivers;
+use lightloom_nodes::kernel::scaled_sums::Waiting;
 use lightloom_nodes::kernel::stage::Stage;
 use lightloom_nodes::kernel::visibility::{Blocker, Ends};
 use lightloom_nodes::node::{Ctx, Error, Item, Node};
@@ -168,4 +169,89 @@ fn map_composed(bencher: Bencher) {
     bencher
         .counter(ItemsCount::new(step.len()))
         .bench(|| compose(&still, &step, source, target).map(|map| map.len()));
+}
+
+/// Columns of one frame, and frames that each of them serves.
+const COLUMNS: usize = 200;
+const SERVED: usize = 8;
+/// Pixels whose sums for all frames served are held at once.
+const BLOCK: usize = 8 * Ends::CAPACITY;
+
+/// Columns, `[column][pixel]`, their weights in the frames, and the map from each frame into theirs.
+struct Columns {
+    columns: Vec<Vec<Vec3>>,
+    weights: Vec<Vec<Vec3>>,
+    map: Vec<u32>,
+}
+
+static COLUMNS_AND_MAP: LazyLock<Columns> = LazyLock::new(|| {
+    let [source, target] = &SHOT.features;
+    let map = map(&Pyramid::build(source), target, f32::INFINITY).pixel;
+    let number = |i: usize| ((i * 2_654_435_761) % 1024) as f32 / 1024.0;
+    let vectors = |n: usize, seed: usize| -> Vec<Vec3> {
+        (0..n).map(|i| Vec3::new(number(i + seed), number(i * 3), number(i + 7))).collect()
+    };
+    Columns {
+        columns: (0..COLUMNS).map(|c| vectors(map.len(), c)).collect(),
+        weights: (0..COLUMNS).map(|c| vectors(SERVED, c)).collect(),
+        map,
+    }
+});
+
+fn items() -> ItemsCount {
+    ItemsCount::new(COLUMNS * SERVED * COLUMNS_AND_MAP.map.len())
+}
+
+/// Nothing comes from where no surface was seen.
+fn mapped(column: &[Vec3], pixel: u32) -> Vec3 {
+    column.get(pixel as usize).copied().unwrap_or_default()
+}
+
+/// What `Reconstruct` does with rendered columns: sums of each tile in the frame of the columns, then one map a frame.
+#[divan::bench]
+fn columns_summed_then_mapped(bencher: Bencher) {
+    let Columns { columns, weights, map } = &*COLUMNS_AND_MAP;
+    bencher.counter(items()).bench(|| {
+        let mut summed = vec![vec![Vec3::ZERO; map.len()]; SERVED];
+        let mut waiting = Waiting::new();
+        for first in (0..map.len()).step_by(BLOCK) {
+            let pixels = BLOCK.min(map.len() - first);
+            let mut sums = [vec![Vec3::ZERO; SERVED * pixels]];
+            for at in (0..pixels).step_by(Ends::CAPACITY) {
+                for (column, weights) in columns.iter().zip(weights) {
+                    let tile = &column[first + at..first + pixels.min(at + Ends::CAPACITY)];
+                    waiting.room()[..tile.len()].copy_from_slice(tile);
+                    waiting.count_in(0, 0, weights);
+                    if waiting.keep() {
+                        waiting.add(&mut sums, pixels, at);
+                    }
+                }
+                waiting.add(&mut sums, pixels, at);
+            }
+            for (all, sum) in summed.iter_mut().zip(sums[0].chunks_exact(pixels)) {
+                all[first..first + pixels].copy_from_slice(sum);
+            }
+        }
+        let image =
+            |sum: &Vec<Vec3>| -> Vec<Vec3> { map.iter().map(|&p| mapped(sum, p)).collect() };
+        summed.iter().map(image).collect::<Vec<_>>()
+    });
+}
+
+/// The same, each column mapped into each frame by itself.
+#[divan::bench(sample_count = 10)]
+fn columns_mapped_one_by_one(bencher: Bencher) {
+    let Columns { columns, weights, map } = &*COLUMNS_AND_MAP;
+    bencher.counter(items()).bench(|| {
+        let image = |frame: usize| {
+            let mut image = vec![Vec3::ZERO; map.len()];
+            for (column, weights) in columns.iter().zip(weights) {
+                let weight = weights[frame];
+                let add = |(sum, &p): (&mut Vec3, &u32)| *sum += weight * mapped(column, p);
+                image.iter_mut().zip(map).for_each(add);
+            }
+            image
+        };
+        (0..SERVED).map(image).collect::<Vec<_>>()
+    });
 }

@@ -121,7 +121,9 @@ fn add_terms(sum: &mut [Vec3], terms: &[Term<'_>]) {
         let mut total = *run;
         for Term { column, weight } in terms {
             let column = &column[r * RUN..][..RUN];
-            (0..RUN).for_each(|i| total[i] += weight[i] * column[i]);
+            for ((total, weight), number) in total.iter_mut().zip(weight).zip(column) {
+                *total += weight * number;
+            }
         }
         *run = total;
     }
