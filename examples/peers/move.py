@@ -3,7 +3,8 @@
     P=.../mitsuba-venv/bin/python; export BPY_PYTHON=.../bpy-venv/bin/python
     $P examples/peers/move.py out/peers [cornell_blobs] [--size 160 120] [--spp 1024]
 
-Read it at equal `cpu s/frame`: ours is that of the whole process over the number of frames, the peers' leave out import.
+Each peer runs with two numbers of samples, then with those that take as long as each of ours, by the line through the two.
+`cpu s/frame` of ours is that of the whole process over the number of frames; the peers' leave out import.
 `flicker_t` is without the worst hundredth of the pixels, `8 bit` in steps of the display; metrics.py defines both. The
 references' own noise is in all of them alike, and is printed as their floor.
 """
@@ -17,8 +18,10 @@ from pathlib import Path
 import ours
 
 FRAMES, FPS = 8, 24
-COLUMNS = [50, 200, 800]
-PEERS = [["--peer", "cycles", "--denoise", "--spp", 1], ["--peer", "cycles", "--denoise", "--spp", 4], ["--peer", "mitsuba", "--spp", 16]]
+# Columns and photons.
+SETTINGS = [(200, 10_000), (800, 300_000)]
+# Options and two numbers of samples.
+PEERS = [(["--peer", "cycles", "--denoise"], 4, 16), (["--peer", "mitsuba"], 16, 64)]
 
 
 def main():
@@ -47,20 +50,26 @@ def main():
         done = subprocess.run(list(map(str, [*common, "--references", references, *what, "--out", lines])), capture_output=True, text=True)
         if done.returncode:
             print(f"{name:28} not run: {done.stderr.strip().splitlines()[-1]}", flush=True)
-            return
+            return None
         line = json.loads(lines.read_text())
         cpu = line["cpu_s_per_frame"] if cpu is None else cpu
         print(f"{name:28} {cpu:11.2f} {100 * line['relrmse']:7.2f}% {line['flicker_t']:9.4f} {line['flicker_8bit']:6.2f} {line['flip']:6.4f}", flush=True)
+        return cpu
 
     graph = folder / f"{options.scene}.ron"
     ours.lightloom("init", glb, "--frames", FRAMES, "--size", f"{options.size[0]}x{options.size[1]}", "--out", graph, "--force")
-    for columns in COLUMNS:
-        out = folder / str(columns)
-        document, _, cpu = ours.run(graph, out, {"columns": columns, "fps": float(FPS), "photons.count": 300_000})
+    times = []
+    for columns, photons in SETTINGS:
+        out = folder / f"{columns}_{photons}"
+        document, _, cpu = ours.run(graph, out, {"columns": columns, "fps": float(FPS), "photons.count": photons})
         frames = ours.published(document, "frame")
-        row(f"Lightloom, {columns} columns", ["--external", frames[0].parent / "*.exr"], cpu / FRAMES)
-    for what in PEERS:
-        row(" ".join(map(str, what)).replace("--peer ", ""), what)
+        times.append(row(f"Lightloom, {columns} / {photons // 1000}k", ["--external", frames[0].parent / "*.exr"], cpu / FRAMES))
+    for what, few, many in PEERS:
+        sampled = lambda spp: row(f"{' '.join(what).replace('--peer ', '')} --spp {spp}", [*what, "--spp", spp])
+        cheap, dear = sampled(few), sampled(many)
+        for time in times:
+            if None not in (cheap, dear, time):
+                sampled(max(1, round(few + (time - cheap) * (many - few) / (dear - cheap))))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ import ours
 SHARED = ours.PEERS.parent
 # File, size, whether every material is made Lambertian, samples for what the reference lacks, and options of the peers.
 SCENES = {
-    "indirect_room": (ours.PEERS / "references/indirect_room.glb", (320, 240), False, 64, []),
+    "indirect_room": (ours.PEERS / "references/indirect_room.glb", (320, 240), False, 1024, []),
     "staircase": (SHARED / "scenes/staircase/staircase.glb", (240, 320), True, 16, ["--lambert"]),
     "manylights": (ours.PEERS / "references/manylights.glb", (320, 240), False, 0, ["--power-weights"]),
 }
