@@ -1,6 +1,7 @@
 //! Shading of the gather samples, which makes them virtual lights (Hašan et al. 2008, section 5).
 
 use crate::data::{GatherSamples, Geometry, LightKind, Lights, Materials, Photons, Poses};
+use crate::kernel::cover::{Cover, Patch};
 use crate::kernel::density::Density;
 use crate::kernel::element::{Light, Receiver};
 use crate::kernel::light_list::LightList;
@@ -49,7 +50,7 @@ const BATCH: usize = 256;
 
 impl Node for GatherLights {
     const KIND: &'static str = "GatherLights";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = GatherLightsIn;
     type Out = Lights;
 
@@ -62,7 +63,12 @@ impl Node for GatherLights {
         let tensor = input.direct.as_ref().map(|lights| RayTensor::new(&stage, lights));
         let diagonal = input.geometry.diagonal;
         let density = match &input.photons {
-            Some(photons) => Some(Density::new(photons, self.nearest, self.radius * diagonal)?),
+            Some(photons) => {
+                let density = Density::new(photons, self.nearest, self.radius * diagonal)?;
+                let patch = |i: usize| patch(&stage, samples, i, &sample(&stage, samples, i));
+                let patches = (0..samples.triangle.len()).into_par_iter().map(patch).collect();
+                Some((density, Cover::new(patches)?))
+            }
             None => None,
         };
         let shader = Shader { stage: &stage, tensor, density, clamp: self.clamp * diagonal };
@@ -86,7 +92,7 @@ impl Node for GatherLights {
 struct Shader<'a> {
     stage: &'a Stage,
     tensor: Option<RayTensor<'a>>,
-    density: Option<Density<'a>>,
+    density: Option<(Density<'a>, Cover)>,
     clamp: f32,
 }
 
@@ -94,17 +100,14 @@ impl Shader<'_> {
     fn shade(&self, batch: &[usize], samples: &GatherSamples) -> Vec<Light> {
         let mut row = vec![Vec3::ZERO; self.tensor.as_ref().map_or(0, RayTensor::lights)];
         let light = |&i: &usize| {
-            let triangle = samples.triangle[i];
-            let at = samples.barycentric[i];
-            let surface = self.stage.surface(triangle, at.x, at.y);
-            let outward = if samples.front[i] != 0 { surface.facet } else { -surface.facet };
-            let surface = surface.facing(outward);
-            let radiance = self.radiance(&surface, &mut row);
+            let surface = sample(self.stage, samples, i);
+            let patch = patch(self.stage, samples, i, &surface);
+            let radiance = self.radiance(&surface, &patch, &mut row);
             Light {
                 kind: LightKind::Cosine,
                 position: surface.position,
                 direction: surface.facet,
-                emission: radiance * (self.stage.area(triangle) * samples.share[i]),
+                emission: radiance * patch.area,
                 cone: Vec2::ZERO,
                 clamp: self.clamp,
             }
@@ -113,7 +116,7 @@ impl Shader<'_> {
     }
 
     /// Radiance that the sample reflects, diffusely: a glossy lobe would need a direction.
-    fn radiance(&self, surface: &Surface, row: &mut [Vec3]) -> Vec3 {
+    fn radiance(&self, surface: &Surface, patch: &Patch, row: &mut [Vec3]) -> Vec3 {
         let albedo = surface.spread_albedo();
         if albedo == Vec3::ZERO {
             return Vec3::ZERO;
@@ -124,9 +127,23 @@ impl Shader<'_> {
             tensor.row(&receiver, row);
             radiance += row.iter().map(|r| r.as_dvec3()).sum::<DVec3>();
         }
-        if let Some(density) = &self.density {
-            radiance += (density.irradiance(surface.position, surface.facet) * albedo / PI).as_dvec3();
+        if let Some((density, cover)) = &self.density {
+            radiance += (density.irradiance(patch, cover) * albedo / PI).as_dvec3();
         }
         radiance.as_vec3()
     }
+}
+
+/// The surface at sample `i`, on the side that it lies on.
+fn sample(stage: &Stage, samples: &GatherSamples, i: usize) -> Surface {
+    let at = samples.barycentric[i];
+    let surface = stage.surface(samples.triangle[i], at.x, at.y);
+    let outward = if samples.front[i] != 0 { surface.facet } else { -surface.facet };
+    surface.facing(outward)
+}
+
+/// What sample `i` stands for.
+fn patch(stage: &Stage, samples: &GatherSamples, i: usize, surface: &Surface) -> Patch {
+    let area = stage.area(samples.triangle[i]) * samples.share[i];
+    Patch { position: surface.position, normal: surface.facet, area }
 }

@@ -5,6 +5,7 @@ pub mod brdf;
 pub mod checkpoint;
 pub mod closed;
 pub mod clustering;
+pub mod cover;
 pub mod density;
 pub mod element;
 pub mod gltf;

@@ -1,15 +1,12 @@
 //! Photon density estimation: the irradiance around a point from its nearest photons
 //! (Hašan et al. 2008, section 5).
 
+use super::cover::{Cover, Patch};
 use crate::data::Photons;
 use crate::node::Error;
 use glam::Vec3;
 use kiddo::{ImmutableKdTree, SquaredEuclidean};
-use std::f32::consts::PI;
 use std::num::NonZeroUsize;
-
-/// Cosine between the normals of photon and sample from which on they lie on the same surface.
-const SAME_SIDE: f32 = 0.5;
 
 /// Photons in a kd-tree.
 pub struct Density<'a> {
@@ -39,12 +36,13 @@ impl<'a> Density<'a> {
         Ok(Density { photons, tree, nearest, radius })
     }
 
-    /// Irradiance, W/m^2, at a point with the given unit normal: the flux of the nearest photons on
-    /// that side over the area of the disc that holds them. Zero where there are none.
-    pub fn irradiance(&self, position: Vec3, normal: Vec3) -> Vec3 {
+    /// Irradiance, W/m^2, at one of the samples of `cover`: the flux of the nearest photons on that
+    /// side over the area of the surface on which they fell. In a corner that is less than the disc
+    /// that holds them, and light would be missing. Zero where there are none.
+    pub fn irradiance(&self, at: &Patch, cover: &Cover) -> Vec3 {
         let Some(tree) = &self.tree else { return Vec3::ZERO };
         let near = tree
-            .query(&position.to_array())
+            .query(&at.position.to_array())
             .nearest_n::<SquaredEuclidean<f32>>(self.nearest)
             .within(self.radius * self.radius)
             .execute();
@@ -53,18 +51,23 @@ impl<'a> Density<'a> {
         let full = near.len() == self.nearest.get() && near.len() > 1;
         let counted = near.len() - usize::from(full);
         let farthest = near.iter().map(|photon| photon.distance).fold(0.0, f32::max);
-        let flux: Vec3 = near[..counted]
-            .iter()
-            .map(|photon| photon.item as usize)
-            .filter(|&i| self.photons.normal[i].dot(normal) > SAME_SIDE)
-            .map(|i| self.photons.power[i])
-            .sum();
         // Fewer photons than asked for fill the whole radius; all of them on one spot fill nothing,
         // and a spot of a thousandth of the radius is taken instead of none.
         let squared =
             if near.len() < self.nearest.get() { self.radius * self.radius } else { farthest };
         let least = self.radius * self.radius * 1e-6;
-        flux / (PI * squared.max(least).max(f32::MIN_POSITIVE))
+        let squared = squared.max(least);
+        let radius = squared.sqrt();
+        let flux: Vec3 = near[..counted]
+            .iter()
+            .map(|photon| photon.item as usize)
+            .filter(|&i| at.shares(self.photons.position[i], self.photons.normal[i], radius))
+            .map(|i| self.photons.power[i])
+            .sum();
+        match flux == Vec3::ZERO {
+            true => Vec3::ZERO,
+            false => flux / cover.area(at, squared).max(f32::MIN_POSITIVE),
+        }
     }
 }
 
@@ -72,6 +75,7 @@ impl<'a> Density<'a> {
 mod tests {
     use super::*;
     use crate::kernel::surface_sampling::uniform;
+    use std::f32::consts::PI;
 
     fn plane(count: u32) -> Photons {
         let place = |i| {
@@ -86,27 +90,44 @@ mod tests {
         }
     }
 
+    fn irradiance(photons: &Photons, nearest: u32, radius: f32, normal: Vec3) -> Vec3 {
+        let at = Patch { position: Vec3::ZERO, normal, area: 1.0 };
+        let density = Density::new(photons, nearest, radius).unwrap();
+        density.irradiance(&at, &Cover::new(Vec::new()).unwrap())
+    }
+
     #[test]
     fn uniform_flux_is_uniform_irradiance() {
         let photons = plane(4096);
-        let found = Density::new(&photons, 100, 0.4).unwrap().irradiance(Vec3::ZERO, Vec3::Y);
+        let found = irradiance(&photons, 100, 0.4, Vec3::Y);
         assert!((found - Vec3::new(2.0, 1.0, 0.0)).abs().max_element() < 0.1, "{found}");
-        let below = Density::new(&photons, 100, 0.4).unwrap().irradiance(Vec3::ZERO, Vec3::NEG_Y);
-        assert_eq!(below, Vec3::ZERO);
+        assert_eq!(irradiance(&photons, 100, 0.4, Vec3::NEG_Y), Vec3::ZERO);
+    }
+
+    #[test]
+    fn a_corner_is_as_bright_as_the_middle() {
+        let photons = plane(4096);
+        let patch = |i| {
+            let [u, v, ..] = uniform(i, 5, 1);
+            let position = Vec3::new(u - 0.5, 0.0, v - 0.5);
+            Patch { position, normal: Vec3::Y, area: 1.0 / 8192.0 }
+        };
+        let cover = Cover::new((0..8192).map(patch).collect()).unwrap();
+        let density = Density::new(&photons, 200, 0.4).unwrap();
+        for (x, z) in [(0.0, 0.0), (0.5, 0.0), (0.5, -0.5), (0.45, 0.45)] {
+            let at = Patch { position: Vec3::new(x, 0.0, z), ..patch(0) };
+            let found = density.irradiance(&at, &cover);
+            assert!((found.x / 2.0 - 1.0).abs() < 0.15, "{x} {z}: {found}");
+        }
     }
 
     #[test]
     fn no_photons_too_few_or_all_on_one_spot() {
-        let none = plane(0);
-        assert_eq!(
-            Density::new(&none, 10, 1.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y),
-            Vec3::ZERO
-        );
-        let few = plane(3);
-        let found = Density::new(&few, 1000, 2.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y);
+        assert_eq!(irradiance(&plane(0), 10, 1.0, Vec3::Y), Vec3::ZERO);
+        let found = irradiance(&plane(3), 1000, 2.0, Vec3::Y);
         assert!((found.x - 2.0 / (PI * 4.0)).abs() < 1e-4, "{found}");
         let mut spot = plane(100);
         spot.position = vec![Vec3::ZERO; 100].into();
-        assert!(Density::new(&spot, 10, 1.0).unwrap().irradiance(Vec3::ZERO, Vec3::Y).is_finite());
+        assert!(irradiance(&spot, 10, 1.0, Vec3::Y).is_finite());
     }
 }
