@@ -25,6 +25,7 @@ pub mod posing;
 pub mod primary;
 pub mod radiance_file;
 pub mod receivers;
+pub mod ridge;
 pub mod scaled_sums;
 pub mod shapes;
 pub mod sky;

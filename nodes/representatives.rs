@@ -3,6 +3,7 @@
 use crate::data::{self, Clusters, Rows};
 use crate::kernel::clustering::Cluster;
 use crate::kernel::history::cut;
+use crate::kernel::ridge::Columns;
 use crate::node::{All, Ctx, Error, Item, Node};
 use glam::{DVec3, Vec3};
 use rand::{RngExt, SeedableRng};
@@ -33,6 +34,17 @@ crate::choice! {
     }
 }
 
+crate::choice! {
+    /// How bright a representative is made.
+    pub enum Fit {
+        /// As bright as the lights of its cluster by themselves: the sums of ratios of 2008.
+        Cluster = "cluster",
+        /// That times a factor, chosen for all representatives of a frame together so that their sum
+        /// comes close to the sum of all lights on the rows (ridge regression).
+        Rows = "rows",
+    }
+}
+
 crate::params! {
     /// Cuts the split history at a count and chooses one light-frame pair to render for each cluster.
     pub struct Representatives {
@@ -42,6 +54,10 @@ crate::params! {
         choose: Choose = Choose::Max;
         /// How it is scaled to stand for the others.
         scale: Scale = Scale::Rgb;
+        /// How bright it is made.
+        fit: Fit = Fit::Cluster;
+        /// How strongly `fit: rows` holds the factors to 1: the ridge, in mean squares of a row.
+        ridge: f64 = 0.03, 0.000_001..=1000.0;
         /// Seed of `choose: random`.
         seed: u64 = 1;
     }
@@ -85,6 +101,9 @@ impl Node for Representatives {
             })
             .collect::<Result<_, Error>>()?;
         chosen.sort_by_key(|c| (c.frame, c.light));
+        if self.fit == Fit::Rows {
+            self.fit_rows(&mut chosen, &rows);
+        }
         Ok(assemble(&chosen, frames))
     }
 }
@@ -95,6 +114,12 @@ struct Chosen {
     frame: u32,
     first: u32,
     weight: Vec<Vec3>,
+}
+
+impl Chosen {
+    fn serves(&self, frame: u32) -> bool {
+        (self.first..self.first + self.weight.len() as u32).contains(&frame)
+    }
 }
 
 impl Representatives {
@@ -121,6 +146,28 @@ impl Representatives {
         DVec3::new(channel(member.x, rep.x), channel(member.y, rep.y), channel(member.z, rep.z))
     }
 
+    /// Multiplies the weights in each frame by what fits them to its rows.
+    fn fit_rows(&self, chosen: &mut [Chosen], rows: &[Item<Rows>]) {
+        let factors: Vec<Vec<f64>> = (0..rows.len() as u32)
+            .into_par_iter()
+            .map(|k| {
+                let serving = chosen.iter().filter(|c| c.serves(k));
+                let weighted = |c: &Chosen| {
+                    let rep = norm(rows, c.light, c.frame).length();
+                    let all = c.weight[(k - c.first) as usize].as_dvec3() * norm(rows, c.light, c.frame);
+                    (column(rows, c.light, c.frame), if rep > 0.0 { all.length() / rep } else { 0.0 })
+                };
+                Columns { columns: serving.map(weighted).collect() }
+                    .factors(&total(&rows[k as usize]), self.ridge)
+            })
+            .collect();
+        for (k, factors) in (0..).zip(factors) {
+            for (c, factor) in chosen.iter_mut().filter(|c| c.serves(k)).zip(factors) {
+                c.weight[(k - c.first) as usize] *= factor as f32;
+            }
+        }
+    }
+
     fn drawn(&self, number: usize, cluster: &Cluster, rows: &[Item<Rows>]) -> (u32, u32) {
         let total: f64 = members(cluster).map(|(j, k)| norm(rows, j, k).length()).sum();
         let mut generator = Pcg64Mcg::seed_from_u64(self.seed.wrapping_add((number as u64) << 32));
@@ -144,6 +191,21 @@ fn norm(rows: &[Item<Rows>], light: u32, frame: u32) -> DVec3 {
     rows[frame as usize].norm[light as usize].as_dvec3()
 }
 
+/// A light's elements on the rows of a frame.
+fn column(rows: &[Item<Rows>], light: u32, frame: u32) -> &[f32] {
+    let rows = &rows[frame as usize];
+    &rows.reduced[light as usize * rows.pixel.len()..][..rows.pixel.len()]
+}
+
+/// Sum of all lights on each row.
+fn total(rows: &Rows) -> Vec<f64> {
+    let mut sum = vec![0.0; rows.pixel.len()];
+    for column in rows.reduced.chunks_exact(rows.pixel.len().max(1)) {
+        sum.iter_mut().zip(column).for_each(|(sum, x)| *sum += f64::from(*x));
+    }
+    sum
+}
+
 fn heaviest(cluster: &Cluster, rows: &[Item<Rows>]) -> (u32, u32) {
     best(cluster, |j, k| norm(rows, j, k).length_squared())
 }
@@ -165,19 +227,15 @@ fn best(cluster: &Cluster, score: impl Fn(u32, u32) -> f64) -> (u32, u32) {
 const LIGHTEST: f64 = 0.25;
 
 fn medoid(cluster: &Cluster, rows: &[Item<Rows>]) -> (u32, u32) {
-    let column = |j: u32, k: u32| {
-        let rows = &rows[k as usize];
-        &rows.reduced[j as usize * rows.pixel.len()..][..rows.pixel.len()]
-    };
     let height = (cluster.first_frame..cluster.last_frame).map(|k| rows[k as usize].pixel.len()).max();
     let mut sum = vec![0.0_f64; height.unwrap_or(0)];
     for (j, k) in members(cluster) {
-        sum.iter_mut().zip(column(j, k)).for_each(|(s, &x)| *s += f64::from(x));
+        sum.iter_mut().zip(column(rows, j, k)).for_each(|(s, &x)| *s += f64::from(x));
     }
     let (j, k) = heaviest(cluster, rows);
     let least = LIGHTEST * norm(rows, j, k).length();
     best(cluster, |j, k| {
-        let dot: f64 = column(j, k).iter().zip(&sum).map(|(&x, s)| f64::from(x) * s).sum();
+        let dot: f64 = column(rows, j, k).iter().zip(&sum).map(|(&x, s)| f64::from(x) * s).sum();
         let length = norm(rows, j, k).length();
         if length > 0.0 && length >= least { dot / length } else { f64::NEG_INFINITY }
     })
@@ -253,6 +311,23 @@ mod tests {
         }
         let truth = DVec3::new(4.0, 6.0, 0.0);
         assert!((estimate - truth).abs().max_element() < 0.1, "{estimate}");
+    }
+
+    #[test]
+    fn weights_fit_the_rows_of_their_frame() {
+        // Light 2 stands for 0 and 1, which the first row has and it has not; light 1 stands for itself.
+        let rows = [frame()];
+        let chosen = |light, weight| Chosen { light, frame: 0, first: 0, weight: vec![Vec3::splat(weight)] };
+        let fitted = |ridge| {
+            let mut both = [chosen(2, 1.6), chosen(1, 1.0)];
+            Representatives { fit: Fit::Rows, ridge, ..Default::default() }.fit_rows(&mut both, &rows);
+            both.map(|c| c.weight[0])
+        };
+        // The rows sum up to 3 and 5.
+        let [two, one] = fitted(1e-6);
+        assert!((two - 1.0).abs().max_element() < 1e-3 && (one - 1.5).abs().max_element() < 1e-3, "{two} {one}");
+        let [two, one] = fitted(1000.0);
+        assert!((two - 1.6).abs().max_element() < 1e-2 && (one - 1.0).abs().max_element() < 1e-2, "{two} {one}");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use lightloom_nodes as nodes;
 use nodes::data::{Array, Field, Image, LightKind, Lights, Representatives, encode, write_arrays};
 use nodes::kernel::history::cut;
 use nodes::node::{All, Ctx, Derived, Error, Item, Node};
-use nodes::{Choose, Scale};
+use nodes::{Choose, Fit, Scale};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -77,6 +77,8 @@ fn one_thread_and_two_give_the_same_bits() {
         let node = nodes::Representatives { choose, ..with_count(60) };
         on_threads("Representatives", || encode(&shot.representatives(&clusters, &node)));
     }
+    let fitted = nodes::Representatives { fit: Fit::Rows, ..with_count(60) };
+    on_threads("Representatives", || encode(&shot.representatives(&clusters, &fitted)));
     let representatives = shot.representatives(&clusters, &with_count(60));
     on_threads("Reconstruct", || {
         shot.reconstruct(representatives.clone(), &maps).iter().flat_map(encode).collect()
@@ -139,6 +141,7 @@ fn drawn_representatives_are_right_on_average() {
             choose: Choose::Random,
             scale: Scale::Scalar,
             seed,
+            ..Default::default()
         };
         let images = shot.reconstruct(shot.representatives(&clusters, &node), &[]);
         squares += relative_l2(&images, &reference).powi(2);
@@ -151,6 +154,27 @@ fn drawn_representatives_are_right_on_average() {
     let (off, single) = (relative_l2(&[mean], &reference), (squares / SEEDS as f64).sqrt());
     // The mean of 256 independent estimates errs by a sixteenth of one; a bias would stay.
     assert!(single > 0.02 && off < single / 11.0, "one errs by {single}, the mean by {off}");
+}
+
+#[test]
+fn weights_fitted_to_the_rows_err_less() {
+    let shot = shot(1, [64, 36], 1200, [16, 9]);
+    let reference = shot.reference();
+    let clusters: Item<_> = shot.column_clusters(40).into();
+    // Between the rows, too: they are a sixteenth of the pixels.
+    let error = |fit, seed| {
+        let node = nodes::Representatives {
+            count: 40,
+            choose: Choose::Random,
+            fit,
+            seed,
+            ..Default::default()
+        };
+        relative_l2(&shot.reconstruct(shot.representatives(&clusters, &node), &[]), &reference)
+    };
+    let mean = |fit| (0..8).map(|seed| error(fit, seed)).sum::<f64>() / 8.0;
+    let (fitted, each) = (mean(Fit::Rows), mean(Fit::Cluster));
+    assert!(fitted < 0.8 * each, "{fitted} against {each}");
 }
 
 #[test]

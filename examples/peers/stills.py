@@ -11,7 +11,6 @@ The references end paths after ten segments, which takes a tenth of the room's l
 is path traced and added to the reference, and the peers trace without end, too.
 """
 
-import itertools
 import json
 import subprocess
 import sys
@@ -26,10 +25,13 @@ SCENES = {
     "staircase": (SHARED / "scenes/staircase/staircase.glb", (240, 320), True, 16, ["--lambert"]),
     "manylights": (ours.PEERS / "references/manylights.glb", (320, 240), False, 0, ["--power-weights"]),
 }
-# Bins for rows, and columns.
-SETTINGS = [("(8, 6)", 100), ("(12, 9)", 300), ("(20, 15)", 900)]
-# As `init` has them, and more, for blurs them less.
-PHOTONS = [10_000, 300_000]
+# Bins for rows, columns, and photons; those in the third line are as `init` has them.
+SETTINGS = [
+    ("(12, 9)", 100, 10_000),
+    ("(12, 9)", 300, 30_000),
+    ("(20, 15)", 500, 100_000),
+    ("(28, 21)", 1500, 300_000),
+]
 
 
 def reference(name, folder):
@@ -67,7 +69,7 @@ def mine(name, folder):
     scene = ours.lambertian(file, folder / name / file.name) if lambert else file
     ours.lightloom("init", scene, "--frames", 1, "--size", f"{size[0]}x{size[1]}", "--out", graph, "--force")
     runs = []
-    for photons, (bins, columns) in itertools.product(PHOTONS, SETTINGS):
+    for bins, columns, photons in SETTINGS:
         out = folder / name / f"{columns}_{photons}"
         values = {"rows": bins, "columns": columns, "photons.count": photons}
         document, wall, cpu = ours.run(graph, out, values)

@@ -49,6 +49,9 @@ impl Surface {
     }
 }
 
+/// Triangles of repeated meshes that are copied rather than instanced; a copy takes some 100 bytes a triangle.
+const COPIES: u64 = 1 << 19;
+
 /// Vertices of a deforming instance in world space, the mesh's range only.
 type Deformed = Option<(Vec<Vec3>, Vec<Vec3>)>;
 
@@ -128,16 +131,16 @@ impl Stage {
         Ok(stage)
     }
 
-    /// The instances of the hierarchy: static meshes that are used once become one hierarchy in
-    /// world space, which is faster to trace than hundreds that overlap; every other mesh has its
-    /// own in mesh space, built once a shot; what deforms is built anew for each pose.
+    /// The instances of the hierarchy: what stands still becomes one hierarchy in world space, which is faster to
+    /// trace than hundreds that overlap; every other mesh has its own in mesh space, built once a shot; what deforms
+    /// is built anew for each pose.
     fn place(&mut self, ctx: &Ctx) -> Result<Vec<Instance>, Error> {
         let geometry = self.geometry.clone();
-        let mut uses = vec![0_u32; geometry.mesh.len()];
-        geometry.instance.iter().for_each(|i| uses[i[0] as usize] += 1);
+        let triangles: Vec<u32> = geometry.mesh.iter().map(|mesh| mesh[1]).collect();
+        let merged = merged_meshes(&triangles, &geometry.instance);
         let fixed = |i: &usize| {
             let [mesh, _, motion] = geometry.instance[*i];
-            motion == instance::STATIC && uses[mesh as usize] == 1
+            motion == instance::STATIC && merged[mesh as usize]
         };
         let (fixed, free): (Vec<usize>, Vec<usize>) = (0..geometry.instance.len()).partition(fixed);
         let mut parts = Vec::new();
@@ -355,6 +358,23 @@ impl Stage {
     }
 }
 
+/// Which meshes' static instances share one hierarchy: those used once, and of the others, smallest first, as many as
+/// take no more than [`COPIES`] triangles together when each instance has its own copy.
+fn merged_meshes(triangles: &[u32], instances: &[[u32; 3]]) -> Vec<bool> {
+    let mut uses = vec![0_u64; triangles.len()];
+    instances.iter().for_each(|i| uses[i[0] as usize] += 1);
+    let copies = |mesh: usize| uses[mesh] * u64::from(triangles[mesh]);
+    let mut repeated: Vec<usize> = (0..uses.len()).filter(|&mesh| uses[mesh] > 1).collect();
+    repeated.sort_by_key(|&mesh| (copies(mesh), mesh));
+    let mut merged = vec![true; uses.len()];
+    let mut total = 0;
+    for mesh in repeated {
+        total += copies(mesh);
+        merged[mesh] = total <= COPIES;
+    }
+    merged
+}
+
 /// The cofactor matrix: the inverse transpose up to a positive factor, and finite for any matrix.
 fn normal_matrix(matrix: &Mat4) -> (Mat3, bool) {
     let m = Mat3::from_mat4(*matrix);
@@ -369,3 +389,19 @@ fn normal_matrix(matrix: &Mat4) -> (Mat3, bool) {
 
 /// A hierarchy under a key of its own; the stage's own key is of another type.
 struct Shared(Arc<Blas>);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_meshes_are_copied_and_large_ones_instanced() {
+        let columns = [[0, 0, 0]; 12];
+        let trees = [[1, 0, 0]; 80];
+        let instances = [&columns[..], &trees, &[[2, 0, 0]]].concat();
+        assert_eq!(merged_meshes(&[1200, 100_000, 9_000_000], &instances), [true, false, true]);
+        // 12 x 43,691 triangles are 4 more than there is room for.
+        assert_eq!(merged_meshes(&[43_691, 1, 1], &columns), [false, true, true]);
+        assert_eq!(merged_meshes(&[43_690, 1, 1], &columns), [true, true, true]);
+    }
+}

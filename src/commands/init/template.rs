@@ -17,7 +17,7 @@ points|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' -
 shot,!points|        "rows": (10, 10),
 !shot,!points|        "rows": (20, 15),
 shot,!points|        "columns": 200, // representatives a frame, on average
-!shot,!points|        "columns": 900, // representatives: three for each row
+!shot,!points|        "columns": 500, // representatives
 !points|        "lights": <total>, // at most, those of bounce light included
 points|        "surfels": 400000, // points on all surfaces
 points|        "resolution": 8, // cells a side of each pixel's buffer
@@ -71,7 +71,8 @@ emissive|        "emissive": EmissiveLights(<at><emissive_rest>, count: <emitter
 !points|        // Bounce light: samples on all surfaces gather light and become lights. They ask each light of
 !points|        // the few; what the many send comes by photons.
 !points,around,emissive|        "many": MergeLights(lights: ["environment_lights", "emissive"]),
-!points|        "photons": Photons(<at><direct><many>, seed: "$seed"),
+shot,!points|        "photons": Photons(<at><direct><many>, seed: "$seed"),
+!shot,!points|        "photons": Photons(<at><direct><many>, count: 100000, seed: "$seed"),
 two_sided,!points|        // Both sides reflect: <two_sided> materials are double-sided. With the others these are all lights.
 !two_sided,!points|        // Only fronts reflect: no material is double-sided. With the others these are all lights.
 !points|        "samples": GatherSamples(geometry: "geometry", materials: "materials", rest: "<rest>", count: <samples>, sides: <sides>, seed: "$seed"),
@@ -97,7 +98,9 @@ shot,!points|        "clusters": Clusters(rows: "rows", maps: "maps", seed: "$se
 !shot,!points|        // Clusters of lights: this is a single frame.
 !shot,!points|        "clusters": ColumnClusters(rows: "rows", count: "$columns", seed: "$seed"),
 !points|        // The light most like the sum of its cluster stands for it, scaled in each colour.
-!points|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: medoid),
+shot,!points|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: medoid),
+!shot,!points|        // All together are then made to fit what the rows know.
+!shot,!points|        "representatives": Representatives(clusters: "clusters", rows: "rows", count: "$columns", choose: medoid, fit: rows),
 points,lamps|        // Lamps one by one; the sky and what surfaces reflect by the points.
 points,!lamps|        // Without lamps: what is seen of the sky. The rest comes by the points.
 points|        "direct": Reference(framebuffer: "framebuffer"<lamps_port>, <at>),
