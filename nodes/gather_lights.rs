@@ -7,6 +7,7 @@ use crate::kernel::element::{Light, Receiver};
 use crate::kernel::light_list::LightList;
 use crate::kernel::light_tensor::{LightTensor, RayTensor};
 use crate::kernel::stage::{Stage, Surface};
+use crate::kernel::surface_sampling::{self, Point};
 use crate::node::{Ctx, Error, Item, Node};
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -45,12 +46,21 @@ crate::inputs! {
     }
 }
 
+/// Samples of surface for each photon. Photons lie closer together where it is bright.
+const PATCHES: usize = 2;
+
+/// Samples of surface at least.
+const LEAST_PATCHES: usize = 1 << 16;
+
+/// Samples of surface at most; each takes some 60 bytes.
+const MOST_PATCHES: usize = 1 << 20;
+
 /// Samples shaded as one piece of work.
 const BATCH: usize = 256;
 
 impl Node for GatherLights {
     const KIND: &'static str = "GatherLights";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type In = GatherLightsIn;
     type Out = Lights;
 
@@ -65,9 +75,9 @@ impl Node for GatherLights {
         let density = match &input.photons {
             Some(photons) => {
                 let density = Density::new(photons, self.nearest, self.radius * diagonal)?;
-                let patch = |i: usize| patch(&stage, samples, i, &sample(&stage, samples, i));
-                let patches = (0..samples.triangle.len()).into_par_iter().map(patch).collect();
-                Some((density, Cover::new(patches)?))
+                let both = samples.front.contains(&0);
+                let cover = Cover::new(patches(&stage, photons.position.len(), both))?;
+                Some((density, cover))
             }
             None => None,
         };
@@ -146,4 +156,23 @@ fn sample(stage: &Stage, samples: &GatherSamples, i: usize) -> Surface {
 fn patch(stage: &Stage, samples: &GatherSamples, i: usize, surface: &Surface) -> Patch {
     let area = stage.area(samples.triangle[i]) * samples.share[i];
     Patch { position: surface.position, normal: surface.facet, area }
+}
+
+/// Samples of all surfaces, a few for each photon, so that a disc of some dozens of photons holds enough of them; on both sides
+/// of surfaces, where light is gathered on both.
+fn patches(stage: &Stage, photons: usize, both: bool) -> Vec<Patch> {
+    let areas: Vec<f64> = (0..stage.triangles()).into_par_iter().map(|t| f64::from(stage.area(t))).collect();
+    let count = (PATCHES * photons).clamp(LEAST_PATCHES, MOST_PATCHES) as u32;
+    let points = surface_sampling::sample(&areas, count, 0);
+    let patch = |point: &Point| {
+        let (position, facet) = stage.point(point.triangle, point.barycentric.x, point.barycentric.y);
+        let back = both && point.spare < 0.5;
+        let sides = if both { 2.0 } else { 1.0 };
+        Patch {
+            position,
+            normal: if back { -facet } else { facet },
+            area: areas[point.triangle as usize] as f32 * point.share * sides,
+        }
+    };
+    points.par_iter().map(patch).collect()
 }

@@ -66,7 +66,7 @@ impl Level {
         Ok(Level { patches, tree, mean })
     }
 
-    /// Area of the samples on the surface around `at`, itself included.
+    /// Area of the samples on the surface around `at`, and of one more, `at` itself, if it is none of them.
     fn area(&self, at: &Patch, squared: f32) -> f32 {
         let around = self
             .tree
@@ -99,9 +99,9 @@ impl Cover {
         Ok(Cover { levels })
     }
 
-    /// Area, m^2, of the surface within a distance of one of the samples, `at`, given squared: that of the samples there. Where
+    /// Area, m^2, of the surface within a distance of a point of it, `at`, given squared: that of the samples there. Where
     /// there are too few to tell, and where layers lie on each other, the area of a disc that is wholly surface. Unbiased as a
-    /// divisor, because `at` always counts: of 1 + n samples with n from Poisson's distribution the mean of
+    /// divisor, because `at` always counts as one more sample: of 1 + n with n from Poisson's distribution the mean of
     /// 1 / (1 + n) is 1 over that of n.
     pub fn area(&self, at: &Patch, squared: f32) -> f32 {
         let disc = PI * squared;

@@ -295,20 +295,25 @@ impl Stage {
         }
     }
 
+    /// Position and unit normal of a triangle at barycentric weights `u`, `v` of its second and third corner; less work than
+    /// [`Stage::surface`].
+    pub fn point(&self, triangle: u32, u: f32, v: f32) -> (Vec3, Vec3) {
+        let (i, local) = self.locate(triangle);
+        let [a, b, c] = self.corners(i, local);
+        let facet = (b - a).cross(c - a).normalize_or(Vec3::Y);
+        let (_, mirrored) = self.normal_matrix[i];
+        (a + (b - a) * u + (c - a) * v, if mirrored { -facet } else { facet })
+    }
+
     /// The surface at barycentric weights `u`, `v` of a triangle's second and third corner.
     pub fn surface(&self, triangle: u32, u: f32, v: f32) -> Surface {
         let (i, local) = self.locate(triangle);
         let mesh = self.geometry.mesh[self.geometry.instance[i][0] as usize];
         let t = (mesh[0] + local) as usize;
         let corner = self.geometry.triangle[t];
-        let [a, b, c] = self.corners(i, local);
-        let position = a + (b - a) * u + (c - a) * v;
+        let (position, facet) = self.point(triangle, u, v);
         let weights = [1.0 - u - v, u, v];
-        let (normal_matrix, mirrored) = self.normal_matrix[i];
-        let mut facet = (b - a).cross(c - a).normalize_or(Vec3::Y);
-        if mirrored {
-            facet = -facet;
-        }
+        let normal_matrix = self.normal_matrix[i].0;
         let blend = |at: [Vec3; 3]| at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2];
         let normal = match &self.deformed[i] {
             Some((_, normals)) => blend(corner.map(|v| normals[(v - mesh[2]) as usize])),
