@@ -25,11 +25,12 @@ SCENES = {
     "staircase": (SHARED / "scenes/staircase/staircase.glb", (240, 320), True, 16, ["--lambert"]),
     "manylights": (ours.PEERS / "references/manylights.glb", (320, 240), False, 0, ["--power-weights"]),
 }
-# Bins for rows, columns, and photons; those in the third line are as `init` has them.
+# Bins for rows, columns, and photons; those in the fourth line are as `init` has them.
 SETTINGS = [
     ("(12, 9)", 100, 10_000),
     ("(12, 9)", 300, 30_000),
     ("(20, 15)", 500, 100_000),
+    ("(20, 15)", 1000, 100_000),
     ("(28, 21)", 1500, 300_000),
 ]
 

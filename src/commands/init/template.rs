@@ -17,7 +17,7 @@ points|// Render it with `lightloom run <out>`; faster: --set size='(160, 90)' -
 shot,!points|        "rows": (10, 10),
 !shot,!points|        "rows": (20, 15),
 shot,!points|        "columns": 200, // representatives a frame, on average
-!shot,!points|        "columns": 500, // representatives
+!shot,!points|        "columns": 1000, // representatives
 !points|        "lights": <total>, // at most, those of bounce light included
 points|        "surfels": 400000, // points on all surfaces
 points|        "resolution": 8, // cells a side of each pixel's buffer
