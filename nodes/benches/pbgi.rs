@@ -153,7 +153,7 @@ fn kd_tree(entries: &[f32]) -> ImmutableKdTree<f32, DIMS> {
 }
 
 #[divan::bench(args = ENTRIES)]
-fn nearest_by_lists(bencher: Bencher, entries: u32) {
+fn nearest_by_boxes(bencher: Bencher, entries: u32) {
     let (table, asked) = (table(entries), asked());
     let own = Quantizer::new(&table.entries, DIMS).expect("a table");
     // All three give the same answers, to rounding.

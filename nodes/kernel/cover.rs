@@ -41,7 +41,7 @@ impl Patch {
     }
 }
 
-/// Samples in kd-trees: all of them, every fourth, every sixteenth and so on, so that no disc has to look at many.
+/// Samples in kd-trees: all of them, every second, every fourth and so on, so that no disc has to look at many.
 pub struct Cover {
     levels: Vec<Level>,
 }
@@ -92,7 +92,7 @@ impl Cover {
         while stride == 1 && !patches.is_empty() || patches.len() / stride > ENOUGH as usize {
             let larger = |patch: &Patch| Patch { area: patch.area * stride as f32, ..*patch };
             levels.push(Level::new(patches.iter().step_by(stride).map(larger).collect())?);
-            stride *= 4;
+            stride *= 2;
         }
         Ok(Cover { levels })
     }

@@ -114,10 +114,20 @@ mod tests {
         };
         let cover = Cover::new((0..8192).map(patch).collect()).unwrap();
         let density = Density::new(&photons, 200, 0.4).unwrap();
-        for (x, z) in [(0.0, 0.0), (0.5, 0.0), (0.5, -0.5), (0.45, 0.45)] {
-            let at = Patch { position: Vec3::new(x, 0.0, z), ..patch(0) };
-            let found = density.irradiance(&at, &cover);
-            assert!((found.x / 2.0 - 1.0).abs() < 0.15, "{x} {z}: {found}");
+        // A single place is off by a tenth or two; many along the middle, an edge and near the corners are not.
+        let spread = |k: u32| 0.02 * k as f32 - 0.19;
+        let middle = |k| (spread(k), spread(k * 7 % 20));
+        let edge = |k| (0.5, spread(k));
+        let corner = |k: u32| (0.5 - 0.01 * k as f32, if k % 2 == 0 { -0.5 } else { 0.5 });
+        let places: [&dyn Fn(u32) -> (f32, f32); 3] = [&middle, &edge, &corner];
+        for place in places {
+            let irradiance = |k| {
+                let (x, z) = place(k);
+                let at = Patch { position: Vec3::new(x, 0.0, z), ..patch(0) };
+                density.irradiance(&at, &cover).x
+            };
+            let mean = (0..20).map(irradiance).sum::<f32>() / 20.0;
+            assert!((mean / 2.0 - 1.0).abs() < 0.06, "{:?}: {mean}", place(0));
         }
     }
 

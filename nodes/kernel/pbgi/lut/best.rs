@@ -1,17 +1,23 @@
 //! The nearest entry found so far, and what is too far to be nearer.
 
+use super::centres::Centres;
 use super::lanes::{Eight, GROUP, Lanes, squared};
-use super::neighbours::{Centres, MARGIN};
 use super::principal::Projected;
+
+/// Room for the rounding of two distances: relative, and absolute where squares underflow.
+pub const MARGIN: f32 = 1e-5;
+/// See [`MARGIN`].
+pub const LEAST: f32 = 1e-18;
 
 /// The nearest entry found so far.
 pub struct Best<'a> {
     centres: &'a Centres,
-    projected: &'a Projected,
     x: &'a [Eight],
-    /// The vector's numbers along the axes.
+    /// The vector's numbers along the axes and off them.
     pub point: Eight,
     slack: f32,
+    /// An entry that does not count.
+    without: Option<u32>,
     /// The entry.
     pub entry: u32,
     /// Its squared distance.
@@ -25,32 +31,35 @@ impl<'a> Best<'a> {
     #[inline(always)]
     pub fn new<L: Lanes>(
         centres: &'a Centres,
-        projected: &'a Projected,
+        projected: &Projected,
         x: &'a [Eight],
         (entry, square): (u32, f32),
     ) -> Self {
-        let point = Eight(projected.axes.project::<L>(x).store());
+        let point = projected.axes.project::<L>(x);
         // The vector is at most so long.
         let slack = projected.slack(square.sqrt());
-        let mut best = Best { centres, projected, x, point, slack, entry, square, most: 0.0 };
+        let mut best =
+            Best { centres, x, point, slack, without: None, entry, square, most: 0.0 };
         best.limit();
         best
+    }
+
+    /// The same without one of the entries.
+    #[inline(always)]
+    pub fn other_than<L: Lanes>(
+        without: u32,
+        centres: &'a Centres,
+        projected: &Projected,
+        x: &'a [Eight],
+        start: (u32, f32),
+    ) -> Self {
+        Best { without: Some(without), ..Best::new::<L>(centres, projected, x, start) }
     }
 
     #[inline(always)]
     fn limit(&mut self) {
         let near = self.square.sqrt() * (1.0 + MARGIN) + self.slack;
         self.most = near * near;
-    }
-
-    /// Compares with four entries that may be far.
-    #[inline(always)]
-    pub fn consider<L: Lanes>(&mut self, entries: &[u32; GROUP]) {
-        let points = entries.map(|c| std::slice::from_ref(&self.projected.points[c as usize]));
-        let [a, b, c, d] = squared::<L>(std::slice::from_ref(&self.point), points);
-        if a.min(b).min(c.min(d)) <= self.most {
-            self.compare::<L>(entries);
-        }
     }
 
     /// Compares with four entries.
@@ -62,7 +71,8 @@ impl<'a> Best<'a> {
             return;
         }
         for (&entry, &square) in entries.iter().zip(&squares) {
-            if square < self.square || (square == self.square && entry < self.entry) {
+            let nearer = square < self.square || (square == self.square && entry < self.entry);
+            if nearer && self.without != Some(entry) {
                 (self.entry, self.square) = (entry, square);
             }
         }

@@ -210,12 +210,7 @@ impl Training<'_> {
             let means = self.means(&entries, &nearest, &squares);
             before = std::mem::replace(&mut entries, means);
             if round + 1 < rounds {
-                let mut reach = vec![0.0f64; entries.len() / self.dims];
-                for (&at, &square) in nearest.iter().zip(&squares) {
-                    reach[at as usize] = reach[at as usize].max(square);
-                }
-                let reach: Vec<f32> = reach.iter().map(|square| square.sqrt() as f32).collect();
-                table.follow(&entries, &reach);
+                table.follow(&entries);
             }
         }
         Ok((entries, inertia))

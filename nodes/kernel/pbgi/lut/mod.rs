@@ -6,6 +6,7 @@
 mod balance;
 mod best;
 mod boxes;
+mod centres;
 mod distinct;
 mod errors;
 #[cfg(test)]
@@ -13,7 +14,6 @@ mod fixtures;
 mod kmeans;
 mod lanes;
 mod nearest;
-mod neighbours;
 mod principal;
 mod seeding;
 

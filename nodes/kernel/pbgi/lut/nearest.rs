@@ -1,25 +1,19 @@
-//! The nearest entry of a table, exactly, by neighbour lists and a warm start, and by a tree of boxes where the lists end.
+//! The nearest entry of a table, exactly: the hint where it is near enough, and by a tree of boxes where it is not.
 
-use super::best::Best;
+use super::best::{Best, LEAST, MARGIN};
 use super::boxes::Boxes;
-use super::lanes::{
-    Eight, GROUP, Lanes, WIDTH, blocked, pad, padded, squared, squared_of_eight, wide,
-};
-use super::neighbours::{Centres, LEAST, MARGIN, Neighbours};
+use super::centres::Centres;
+use super::lanes::{Eight, GROUP, Lanes, WIDTH, pad, squared, squared_of_eight, wide};
 use super::principal::{Principal, Projected};
 use crate::node::Error;
+use rayon::prelude::*;
 
 /// Most entries of a vector.
 pub const DIMS: usize = 128;
 /// Tables up to this size are compared with entry by entry.
 const SMALL: usize = 32;
-/// A search moves to the list of a better entry when that is nearer by this factor.
-const MOVE: f32 = 0.7;
 /// Squares from here on may overflow.
 const TOO_FAR: f32 = 1e37;
-/// Groups of a list that a search looks at even if the list is too short to tell.
-const FIRST: usize = 1;
-
 /// A table that answers which entry is nearest.
 ///
 /// Nearest is the least squared distance in f32 as `lanes::squared` sums it, and the lowest index among equal ones: the answer is
@@ -28,9 +22,10 @@ pub struct Quantizer {
     /// Power of two that brings the largest entry to [1, 2), so that squares neither overflow nor underflow.
     scale: f32,
     centres: Centres,
-    neighbours: Neighbours,
     projected: Projected,
     boxes: Boxes,
+    /// Lower bound, by entry, of the distance of all others from it.
+    apart: Vec<f32>,
 }
 
 impl Quantizer {
@@ -49,32 +44,28 @@ impl Quantizer {
             return Err(Error::invalid("a table entry is not finite"));
         }
         let scale = scale(entries);
-        let centres = centres(entries, dims, scale);
-        let neighbours = Neighbours::new(&centres);
+        let centres = Centres::new(entries, dims, scale);
         let axes = Principal::new(&centres.padded, dims);
         let projected = Projected::new(axes, &centres);
         let boxes = Boxes::new(&projected.points);
-        Ok(Quantizer { scale, centres, neighbours, projected, boxes })
+        let mut table = Quantizer { scale, centres, projected, boxes, apart: Vec::new() };
+        table.part();
+        Ok(table)
     }
 
-    /// Takes the same number of entries that lie near the ones before, faster than [`Quantizer::new`]. `reach` is, by entry, how
-    /// far vectors that are asked for with this hint may lie from it: a search that goes farther is right, but slower.
-    pub(super) fn follow(&mut self, entries: &[f32], reach: &[f32]) {
-        let dims = self.centres.dims;
-        let moved = centres(entries, dims, self.scale);
-        let lanes = dims.div_ceil(WIDTH);
-        let step = |c: u32| steps_of(self.centres.get(c, lanes), moved.get(c, lanes)).sqrt();
-        let steps: Vec<f32> = (0..moved.count as u32).map(step).collect();
-        // From a hint at most `reach` away, candidates are at most twice as far.
-        let needed: Vec<f32> = reach
-            .iter()
-            .zip(&steps)
-            .map(|(reach, step)| 2.0 * (reach * self.scale + step))
-            .collect();
-        self.neighbours.follow(&moved, &steps, &needed);
-        self.projected.follow(&moved);
+    /// Takes the same number of entries that lie near the ones before, faster than [`Quantizer::new`].
+    pub(super) fn follow(&mut self, entries: &[f32]) {
+        self.centres = Centres::new(entries, self.centres.dims, self.scale);
+        self.projected.follow(&self.centres);
         self.boxes = Boxes::new(&self.projected.points);
-        self.centres = moved;
+        self.part();
+    }
+
+    /// Measures how far the entries are from each other.
+    fn part(&mut self) {
+        let count = self.centres.count as u32;
+        let apart = (0..count).into_par_iter().with_min_len(WIDTH).map(|c| apart(self, c));
+        self.apart = apart.collect();
     }
 
     /// The entry nearest to `vector`. A `hint` near the answer (that of the vector before, or of the parent) makes it fast; any
@@ -103,12 +94,6 @@ impl Quantizer {
     }
 }
 
-fn centres(entries: &[f32], dims: usize, scale: f32) -> Centres {
-    let padded = padded(entries, dims, scale);
-    let blocked = blocked(&padded, dims.div_ceil(WIDTH), dims);
-    Centres { dims, count: entries.len() / dims, padded, blocked }
-}
-
 /// The power of two that brings the largest of `numbers` to [1, 2); 1 if all are zero.
 pub fn scale(numbers: &[f32]) -> f32 {
     let largest = numbers.iter().fold(0.0f32, |a, x| a.max(x.abs()));
@@ -120,15 +105,27 @@ pub fn scale(numbers: &[f32]) -> f32 {
     }
 }
 
-wide! { fn steps_of(from: &[Eight], to: &[Eight]) -> f32 = one_square }
+wide! { fn apart(table: &Quantizer, centre: u32) -> f32 = nearest_other }
 wide! { fn search_4(table: &Quantizer, x: &[Eight], hint: u32) -> u32 = search<4> }
 wide! { fn search_5(table: &Quantizer, x: &[Eight], hint: u32) -> u32 = search<5> }
 wide! { fn search_any(table: &Quantizer, x: &[Eight], hint: u32) -> u32 = search<0> }
 wide! { fn compare_with_all(table: &Quantizer, x: &[Eight]) -> u32 = all }
 
+/// Lower bound of the distance of the other entries from `centre`.
 #[inline(always)]
-fn one_square<L: Lanes>(a: &[Eight], b: &[Eight]) -> f32 {
-    squared::<L>(a, [b; GROUP])[0]
+fn nearest_other<L: Lanes>(table: &Quantizer, centre: u32) -> f32 {
+    let Quantizer { centres, projected, boxes, .. } = table;
+    let x = centres.get(centre, centres.dims.div_ceil(WIDTH));
+    let other = boxes.beside(centre);
+    if other == centre {
+        return f32::INFINITY;
+    }
+    let [square, ..] = squared::<L>(x, [centres.get(other, x.len()); GROUP]);
+    let mut best = Best::other_than::<L>(centre, centres, projected, x, (other, square));
+    match boxes.search::<L>(&mut best) {
+        true => (best.square.sqrt() * (1.0 - MARGIN) - LEAST).max(0.0),
+        false => 0.0,
+    }
 }
 
 /// `N` lanes a vector; 0 stands for any number of them.
@@ -139,48 +136,15 @@ fn search<L: Lanes, const N: usize>(table: &Quantizer, x: &[Eight], hint: u32) -
     if square.is_nan() || square >= TOO_FAR {
         return all::<L>(table, x);
     }
-    let (_, distances, beyond) = table.neighbours.of(hint as usize);
-    if distances.first().map_or(beyond, |first| first[0]) > reach(square.sqrt(), square) {
+    // An entry that is as near as the hint is at most twice as far from the hint.
+    if table.apart[hint as usize] > 2.0 * square.sqrt() * (1.0 + MARGIN) + LEAST {
         return hint;
     }
     let mut best = Best::new::<L>(&table.centres, &table.projected, x, (hint, square));
-    if walk::<L>(table, &mut best) || table.boxes.search::<L>(&mut best) {
+    if table.boxes.search::<L>(&mut best) {
         return best.entry;
     }
     all::<L>(table, x)
-}
-
-/// An entry whose square is at most `square` is at most so far from one that is `from_owner` away.
-#[inline(always)]
-fn reach(from_owner: f32, square: f32) -> f32 {
-    (from_owner + square.sqrt()) * (1.0 + MARGIN) + LEAST
-}
-
-/// Follows the lists of ever nearer entries; false if a list does not tell that the best is the nearest.
-#[inline(always)]
-fn walk<L: Lanes>(table: &Quantizer, best: &mut Best) -> bool {
-    'list: loop {
-        let from_owner = best.square.sqrt();
-        let mut most = reach(from_owner, best.square);
-        let (centres, distances, beyond) = table.neighbours.of(best.entry as usize);
-        for (at, (centres, distances)) in centres.iter().zip(distances).enumerate() {
-            if distances[0] > most {
-                return true;
-            }
-            if at >= FIRST && beyond <= most {
-                return false;
-            }
-            let before = best.square;
-            best.consider::<L>(centres);
-            if best.square < before {
-                if best.square.sqrt() < MOVE * from_owner {
-                    continue 'list;
-                }
-                most = reach(from_owner, best.square);
-            }
-        }
-        return beyond > most;
-    }
 }
 
 #[inline(always)]
@@ -290,12 +254,11 @@ mod tests {
     }
 
     #[test]
-    fn short_lists_are_no_excuse() {
-        // More entries than a list holds, all about equally far from a vector in their midst.
-        let entries = noise(6000 * 64, 1);
-        let table = Quantizer::new(&entries, 64).unwrap();
-        let middle = [0.5; 64];
-        assert_eq!(table.nearest(&middle, 17), plain(&middle, &entries, 64));
+    fn numbers_without_axes_have_the_same_answer() {
+        // As many directions as numbers: boxes along some of them tell little.
+        check(&noise(20 * 64, 3), &noise(6000 * 64, 1), 64);
+        // All entries are about equally far from a vector in their midst.
+        check(&[0.5; 64], &noise(6000 * 64, 1), 64);
     }
 
     #[test]
@@ -358,7 +321,7 @@ mod tests {
             // One that jumps to the other end.
             let jump = round as usize * 700;
             entries.copy_within(0..9, (jump + 90) * 9);
-            table.follow(&entries, &vec![if round < 3 { 0.0 } else { 0.3 }; 6000]);
+            table.follow(&entries);
             for vector in vectors.chunks_exact(9) {
                 assert_eq!(table.nearest(vector, (jump + 90) as u32), plain(vector, &entries, 9));
             }

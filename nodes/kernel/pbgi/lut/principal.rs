@@ -1,7 +1,10 @@
-//! The axes along which vectors differ most: the few numbers along them bound distances from below.
+//! The axes along which vectors differ most: the few numbers along them bound distances from below. With them goes how far
+//! a vector lies off all of the axes, which differs by at most the distance, too: it tells a vector that is far from every
+//! entry, but not along the axes, from one that is near.
 
-use super::lanes::{Eight, Lanes, WIDTH, wide};
-use super::neighbours::Centres;
+use super::centres::Centres;
+use super::lanes::{Eight, GROUP, Lanes, WIDTH, padded, wide};
+
 
 /// Vectors that the axes are fitted to, about.
 const SAMPLE: usize = 2048;
@@ -10,21 +13,28 @@ const ROUNDS: usize = 16;
 /// What is left of an axis by orthogonalization is rounding if it is shorter by this factor.
 const NOTHING: f64 = 1e-9;
 
-/// Up to eight orthonormal axes, those of largest variance.
+/// Axes at most; the eighth number is the distance off them.
+const AXES: usize = WIDTH - 1;
+
+/// Up to seven orthonormal axes through the mean, those of largest variance.
 pub struct Principal {
+    /// Padded.
+    mean: Vec<Eight>,
     /// One number of all axes, for each number of a vector; zeros where there are fewer axes.
-    axes: Vec<Eight>,
+    across: Vec<Eight>,
+    /// The same axes one by one, each padded.
+    along: Vec<Eight>,
 }
 
 impl Principal {
     /// Fits the axes to padded vectors of `dims` numbers.
-    pub fn new(padded: &[Eight], dims: usize) -> Self {
-        let vectors = padded.chunks_exact(dims.div_ceil(WIDTH));
+    pub fn new(centres: &[Eight], dims: usize) -> Self {
+        let vectors = centres.chunks_exact(dims.div_ceil(WIDTH));
         let step = (vectors.len() / SAMPLE).max(1);
-        let covariance = covariance(vectors.step_by(step), dims);
+        let (mean, covariance) = moments(vectors.step_by(step), dims);
         // Any axes that are orthogonal to none of those wanted.
         let start = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9) as i32;
-        let mut axes: [Vec<f64>; WIDTH] =
+        let mut axes: [Vec<f64>; AXES] =
             std::array::from_fn(|a| (0..dims).map(|i| start(a * dims + i).into()).collect());
         for _ in 0..ROUNDS {
             for axis in &mut axes {
@@ -32,20 +42,37 @@ impl Principal {
             }
             orthonormalize(&mut axes);
         }
-        let of = |i| Eight(std::array::from_fn(|a| axes[a][i] as f32));
-        Principal { axes: (0..dims).map(of).collect() }
+        let of = |i| {
+            Eight(std::array::from_fn(|a| axes.get(a).map_or(0.0, |axis: &Vec<f64>| axis[i] as f32)))
+        };
+        let across = (0..dims).map(of).collect();
+        let single = |numbers: &[f64]| numbers.iter().map(|x| *x as f32).collect::<Vec<_>>();
+        let along = axes.iter().flat_map(|axis| padded(&single(axis), dims, 1.0)).collect();
+        Principal { mean: padded(&single(&mean), dims, 1.0), across, along }
     }
 
-    /// The numbers of padded `x` along the axes.
+    /// The numbers of padded `x` along the axes, from the mean, and last its distance off them. Between two vectors they differ
+    /// by at most the vectors' distance.
     #[inline(always)]
-    pub fn project<L: Lanes>(&self, x: &[Eight]) -> L {
+    pub fn project<L: Lanes>(&self, x: &[Eight]) -> Eight {
         let mut sum = L::splat(0.0);
-        for (axes, x) in self.axes.chunks(WIDTH).zip(x) {
-            for (axes, &x) in axes.iter().zip(&x.0) {
-                sum = sum.add(L::splat(x).mul(L::load(axes)));
+        for ((across, x), mean) in self.across.chunks(WIDTH).zip(x).zip(&self.mean) {
+            let from_mean = L::load(x).sub(L::load(mean)).store();
+            for (across, x) in across.iter().zip(from_mean) {
+                sum = sum.add(L::splat(x).mul(L::load(across)));
             }
         }
-        sum
+        let mut numbers = sum.store();
+        let mut square = L::splat(0.0);
+        for (i, (x, mean)) in x.iter().zip(&self.mean).enumerate() {
+            let mut off = L::load(x).sub(L::load(mean));
+            for (number, axis) in numbers.iter().zip(self.along.chunks_exact(self.mean.len())) {
+                off = off.sub(L::splat(*number).mul(L::load(&axis[i])));
+            }
+            square = square.add(off.mul(off));
+        }
+        numbers[AXES] = L::sums([square; GROUP])[0].sqrt();
+        Eight(numbers)
     }
 }
 
@@ -55,14 +82,14 @@ pub struct Projected {
     pub axes: Principal,
     /// The entries' numbers along them.
     pub points: Vec<Eight>,
-    /// Length of the longest entry.
-    longest: f32,
+    /// Distance of the farthest entry from the mean.
+    farthest: f32,
 }
 
 impl Projected {
     /// Projects entries.
     pub fn new(axes: Principal, centres: &Centres) -> Self {
-        let mut projected = Projected { axes, points: Vec::new(), longest: 0.0 };
+        let mut projected = Projected { axes, points: Vec::new(), farthest: 0.0 };
         projected.follow(centres);
         projected
     }
@@ -72,18 +99,22 @@ impl Projected {
         let lanes = centres.dims.div_ceil(WIDTH);
         self.points.resize(centres.count, Eight::default());
         project_all(&self.axes, &centres.padded, &mut self.points);
-        let square =
-            |x: &[Eight]| -> f64 { x.iter().flat_map(|x| x.0).map(|x| f64::from(x).powi(2)).sum() };
-        self.longest =
+        let numbers = |x: &Eight| x.0.map(f64::from);
+        let square = |x: &[Eight]| -> f64 {
+            let both = x.iter().zip(&self.axes.mean).map(|(x, mean)| (numbers(x), numbers(mean)));
+            both.flat_map(|(x, mean)| (0..WIDTH).map(move |i| (x[i] - mean[i]).powi(2))).sum()
+        };
+        self.farthest =
             centres.padded.chunks_exact(lanes).map(square).fold(0.0, f64::max).sqrt() as f32;
     }
 
     /// How much farther than it is a vector may seem from any entry, measured along the axes, if it is `near` to one.
     #[inline(always)]
     pub fn slack(&self, near: f32) -> f32 {
-        // A sum of n products is off by at most n half epsilons of the product of lengths, eight of them by a root of eight of that.
-        let relative = 1.5 * f32::EPSILON * (self.axes.axes.len() + 4) as f32;
-        relative * (2.0 * self.longest + near)
+        // A sum of n products is off by at most n half epsilons of the product of lengths, the seven of them by a root of seven of
+        // that. So is the distance off the axes, of which seven more products are taken.
+        let relative = 2.0 * f32::EPSILON * (self.axes.across.len() + 12) as f32;
+        relative * (2.0 * self.farthest + near)
     }
 }
 
@@ -93,11 +124,15 @@ wide! { fn project_all(axes: &Principal, padded: &[Eight], points: &mut [Eight])
 fn project<L: Lanes>(axes: &Principal, padded: &[Eight], points: &mut [Eight]) {
     let lanes = padded.len() / points.len();
     for (x, point) in padded.chunks_exact(lanes).zip(points) {
-        *point = Eight(axes.project::<L>(x).store());
+        *point = axes.project::<L>(x);
     }
 }
 
-fn covariance<'a>(vectors: impl Iterator<Item = &'a [Eight]> + Clone, dims: usize) -> Vec<f64> {
+/// Mean and covariance.
+fn moments<'a>(
+    vectors: impl Iterator<Item = &'a [Eight]> + Clone,
+    dims: usize,
+) -> (Vec<f64>, Vec<f64>) {
     let numbers = |vector: &'a [Eight]| vector.iter().flat_map(|x| x.0).map(f64::from);
     let count = vectors.clone().count() as f64;
     let mut mean = vec![0.0; dims];
@@ -111,7 +146,7 @@ fn covariance<'a>(vectors: impl Iterator<Item = &'a [Eight]> + Clone, dims: usiz
             row.iter_mut().zip(&from_mean).for_each(|(sum, y)| *sum += x * y);
         }
     }
-    covariance
+    (mean, covariance)
 }
 
 /// Makes axes orthogonal to those before and of length 1; those that depend on others become zero.
@@ -140,13 +175,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::fixtures::{flat, noise, walk};
-    use super::super::lanes::{Portable, blocked, padded};
+    use super::super::lanes::Portable;
     use super::*;
 
     fn projected(vectors: &[f32], dims: usize) -> (Projected, Centres) {
-        let padded = padded(vectors, dims, 1.0);
-        let blocked = blocked(&padded, dims.div_ceil(WIDTH), dims);
-        let centres = Centres { dims, count: vectors.len() / dims, padded, blocked };
+        let centres = Centres::new(vectors, dims, 1.0);
         (Projected::new(Principal::new(&centres.padded, dims), &centres), centres)
     }
 
@@ -205,7 +238,7 @@ mod tests {
     fn any_instruction_set_projects_to_the_same_bits() {
         let (projected, centres) = projected(&noise(100 * 27, 1), 27);
         for (x, point) in centres.padded.chunks_exact(4).zip(&projected.points) {
-            assert_eq!(projected.axes.project::<Portable>(x).store(), point.0);
+            assert_eq!(projected.axes.project::<Portable>(x), *point);
         }
     }
 }
