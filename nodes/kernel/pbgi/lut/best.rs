@@ -36,8 +36,7 @@ impl<'a> Best<'a> {
         (entry, square): (u32, f32),
     ) -> Self {
         let point = projected.axes.project::<L>(x);
-        // The vector is at most so long.
-        let slack = projected.slack(square.sqrt());
+        let slack = projected.slack(&point, square.sqrt());
         let mut best =
             Best { centres, x, point, slack, without: None, entry, square, most: 0.0 };
         best.limit();

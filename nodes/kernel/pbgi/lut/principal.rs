@@ -2,6 +2,7 @@
 //! a vector lies off all of the axes, which differs by at most the distance, too: it tells a vector that is far from every
 //! entry, but not along the axes, from one that is near.
 
+use super::best::LEAST;
 use super::centres::Centres;
 use super::lanes::{Eight, GROUP, Lanes, WIDTH, padded, wide};
 
@@ -82,39 +83,31 @@ pub struct Projected {
     pub axes: Principal,
     /// The entries' numbers along them.
     pub points: Vec<Eight>,
-    /// Distance of the farthest entry from the mean.
-    farthest: f32,
 }
 
 impl Projected {
     /// Projects entries.
     pub fn new(axes: Principal, centres: &Centres) -> Self {
-        let mut projected = Projected { axes, points: Vec::new(), farthest: 0.0 };
+        let mut projected = Projected { axes, points: Vec::new() };
         projected.follow(centres);
         projected
     }
 
     /// Projects other entries to the same axes.
     pub fn follow(&mut self, centres: &Centres) {
-        let lanes = centres.dims.div_ceil(WIDTH);
         self.points.resize(centres.count, Eight::default());
         project_all(&self.axes, &centres.padded, &mut self.points);
-        let numbers = |x: &Eight| x.0.map(f64::from);
-        let square = |x: &[Eight]| -> f64 {
-            let both = x.iter().zip(&self.axes.mean).map(|(x, mean)| (numbers(x), numbers(mean)));
-            both.flat_map(|(x, mean)| (0..WIDTH).map(move |i| (x[i] - mean[i]).powi(2))).sum()
-        };
-        self.farthest =
-            centres.padded.chunks_exact(lanes).map(square).fold(0.0, f64::max).sqrt() as f32;
     }
 
-    /// How much farther than it is a vector may seem from any entry, measured along the axes, if it is `near` to one.
+    /// How much farther than it is a vector with these numbers may seem from an entry that is as `near` to it.
     #[inline(always)]
-    pub fn slack(&self, near: f32) -> f32 {
+    pub fn slack(&self, point: &Eight, near: f32) -> f32 {
         // A sum of n products is off by at most n half epsilons of the product of lengths, the seven of them by a root of seven of
-        // that. So is the distance off the axes, of which seven more products are taken.
+        // that. So is the distance off the axes, of which seven more products are taken. The entry is at most `near` farther from
+        // the mean than the vector.
         let relative = 2.0 * f32::EPSILON * (self.axes.across.len() + 12) as f32;
-        relative * (2.0 * self.farthest + near)
+        let square = |sum: f32, x: &f32| sum + x * x;
+        relative * (2.0 * point.0.iter().fold(0.0, square).sqrt() + near) + LEAST
     }
 }
 
@@ -207,7 +200,8 @@ mod tests {
                 let [x, y] = [i, a].map(|c| projected.points[c as usize].0);
                 let (seems, is) =
                     (apart(x.into_iter(), y.into_iter()), apart(numbers(i), numbers(a)));
-                assert!(seems <= is * (1.0 + 1e-6) + f64::from(projected.slack(is as f32)));
+                let slack = projected.slack(&projected.points[i as usize], is as f32);
+                assert!(seems <= is * (1.0 + 1e-6) + f64::from(slack));
             }
         }
     }
