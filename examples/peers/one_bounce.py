@@ -1,13 +1,14 @@
 """One bounce of indirect light by points and by virtual lights against a path-traced one, as a table.
 
     P=.../mitsuba-venv/bin/python
-    $P examples/peers/one_bounce.py out/peers [cornell] [indirect_room] [--size 80 60] [--spp 8192]
+    $P examples/peers/one_bounce.py out/peers [cornell] [indirect_room] [--size 80 60] [--spp 8192] [--floor 0.3]
 
 Makes the scenes with ../shared/peers/make_scenes.py, renders the truth with Mitsuba (minutes; kept), and runs
 one_bounce.ron with one value after the other changed. Columns: relative L2 error, energy and PSNR over all pixels, as
 our Compare says; then L2 and energy over smooth pixels, those that see one surface as their neighbours do, where no
 pixel filter decides, with the truth's own noise taken away. The last line is
-the sum over virtual lights, which sees the same surfaces by rays.
+the sum over virtual lights, which sees the same surfaces by rays. With --floor the floor is a metal of that
+roughness, and smooth pixels are those of the floor.
 """
 
 import argparse
@@ -42,19 +43,23 @@ def errors(image, truth, where, noise):
     return math.sqrt(max(squares - noise, 0.0)), image[where].sum() / truth[where].sum()
 
 
-def table(scene, folder, size, spp):
-    """Prints the table of one scene."""
+def table(scene, folder, size, spp, floor):
+    """Prints the table of one scene, its floor a metal of roughness `floor` if that is given."""
     import numpy as np
 
     import truth as path_traced
     from exr_io import read_exr
 
-    glb, file = folder / f"scenes/{scene}.glb", folder / f"truth/{scene}"
+    glb = folder / f"scenes/{scene}.glb"
+    if floor is not None:
+        scene = f"{scene}_floor_{100 * floor:.0f}"
+        glb = ours.metal_floor(glb, folder / f"scenes/{scene}.glb", floor)
+    file = folder / f"truth/{scene}"
     if not file.with_suffix(".exr").exists():
         print(f"{scene}: path tracing {spp} samples a pixel, twice", flush=True)
         path_traced.between(path_traced.ONE_BOUNCE, glb, file, size, spp, 16)
     truth, variance = read_exr(file.with_suffix(".exr")).astype(float), np.load(file.with_suffix(".npy"))
-    smooth = path_traced.smooth(glb, size)
+    smooth = path_traced.smooth(glb, size, floor=floor is not None)
     noise = variance[smooth].sum() / (truth[smooth] ** 2).sum()
     print(f"{scene}, {size[0]}x{size[1]}: the truth's own noise is {100 * math.sqrt(variance.sum() / (truth**2).sum()):.2f} % of it, "
           f"{100 * math.sqrt(noise):.2f} % in the {100 * smooth.mean():.0f} % of pixels that are smooth")
@@ -81,12 +86,13 @@ def main():
     parser.add_argument("scenes", nargs="*", default=["cornell", "indirect_room"])
     parser.add_argument("--size", nargs=2, type=int, default=(80, 60))
     parser.add_argument("--spp", type=int, default=8192)
+    parser.add_argument("--floor", type=float)
     options = parser.parse_args()
     installed()
     if not (options.folder / "scenes/cornell.glb").exists():
         subprocess.run([sys.executable, ours.PEERS / "make_scenes.py", options.folder / "scenes"], check=True)
     for scene in options.scenes:
-        table(scene, options.folder, options.size, options.spp)
+        table(scene, options.folder, options.size, options.spp, options.floor)
 
 
 if __name__ == "__main__":

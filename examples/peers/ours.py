@@ -57,17 +57,12 @@ def quoted(path):
     return json.dumps(str(Path(path).resolve()))
 
 
-def lambertian(glb, out):
-    """A copy of a GLB whose materials reflect their base colour and nothing else: what the peers' `--lambert` renders."""
+def edited(glb, out, change):
+    """A copy of a GLB whose JSON `change` has changed in place."""
     data = Path(glb).read_bytes()
     length = struct.unpack_from("<I", data, 12)[0]
     document, rest = json.loads(data[20 : 20 + length]), data[20 + length :]
-    for material in document.get("materials", []):
-        material.setdefault("pbrMetallicRoughness", {})["metallicFactor"] = 0.0
-        material.setdefault("extensions", {})["KHR_materials_specular"] = {"specularFactor": 0.0}
-    used = document.setdefault("extensionsUsed", [])
-    if "KHR_materials_specular" not in used:
-        used.append("KHR_materials_specular")
+    change(document)
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     out = Path(out)
@@ -79,3 +74,33 @@ def lambertian(glb, out):
         if beside.suffix.lower() in (".png", ".jpg", ".jpeg", ".bin") and not (out.parent / beside.name).exists():
             shutil.copy(beside, out.parent / beside.name)
     return out
+
+
+def lambertian(glb, out):
+    """A copy of a GLB whose materials reflect their base colour and nothing else: what the peers' `--lambert` renders."""
+
+    def change(document):
+        for material in document.get("materials", []):
+            material.setdefault("pbrMetallicRoughness", {})["metallicFactor"] = 0.0
+            material.setdefault("extensions", {})["KHR_materials_specular"] = {"specularFactor": 0.0}
+        used = document.setdefault("extensionsUsed", [])
+        if "KHR_materials_specular" not in used:
+            used.append("KHR_materials_specular")
+
+    return edited(glb, out, change)
+
+
+def metal_floor(glb, out, roughness):
+    """A copy of a GLB whose lowest mesh is a metal of this roughness and of the colour that it had."""
+
+    def change(document):
+        def top(mesh):
+            return max(document["accessors"][part["attributes"]["POSITION"]]["max"][1] for part in mesh["primitives"])
+
+        for part in min(document["meshes"], key=top)["primitives"]:
+            colour = document["materials"][part["material"]]["pbrMetallicRoughness"].get("baseColorFactor", [1.0] * 4)
+            metal = {"baseColorFactor": colour, "metallicFactor": 1.0, "roughnessFactor": roughness}
+            part["material"] = len(document["materials"])
+            document["materials"].append({"pbrMetallicRoughness": metal})
+
+    return edited(glb, out, change)

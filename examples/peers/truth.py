@@ -46,14 +46,18 @@ def between(depths, glb, out, size, spp, batches, lambert=False):
     return info
 
 
-def smooth(glb, size, fine=4):
-    """Pixels that see one surface alone, and whose neighbours do: what no pixel filter decides. (h, w), True or False."""
+def smooth(glb, size, fine=4, floor=False):
+    """Pixels that see one surface alone, and whose neighbours do: what no pixel filter decides. (h, w), True or False. With
+    `floor` only those that see what lies lowest."""
     width, height = size
     peer = make_peer("mitsuba", SceneSpec(str(glb), width * fine, height * fine), sampler="independent")
-    aov = peer.mi.load_dict({"type": "aov", "aovs": "n:geo_normal,s:shape_index,d:depth"})
+    aov = peer.mi.load_dict({"type": "aov", "aovs": "p:position,n:geo_normal,s:shape_index,d:depth"})
     seen = np.array(peer.mi.render(peer._scene, integrator=aov, spp=1), np.float64)
     cells = seen.reshape(height, fine, width, fine, -1)
+    up = cells[..., 1].max((1, 3))
+    low = up < up.min() + 1e-3 * np.ptp(up) if floor else True
+    cells = cells[..., 3:]
     cells[..., -1] = np.log(np.maximum(cells[..., -1], 1e-6))
     alike = (cells.max((1, 3)) - cells.min((1, 3)) < 0.2).all(-1)
     around = np.pad(alike, 1, mode="edge")
-    return np.logical_and.reduce([around[y : y + height, x : x + width] for y in range(3) for x in range(3)])
+    return np.logical_and.reduce([around[y : y + height, x : x + width] for y in range(3) for x in range(3)]) & low
