@@ -38,7 +38,7 @@ crate::inputs! {
 
 impl Node for PbgiGather {
     const KIND: &'static str = "PbgiGather";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type In = PbgiGatherIn;
     type Out = Image;
 

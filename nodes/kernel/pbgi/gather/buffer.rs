@@ -22,6 +22,9 @@ crate::choice! {
 const FINEST: u32 = 1024;
 /// A cell is measured at this many points a side.
 const POINTS: u32 = 16;
+/// Parts of a cell a side at most, and of a whole buffer: those of a fine buffer are its cells.
+const PARTS: u32 = 4;
+const ALL_PARTS: u32 = 64;
 /// Rays of a cell with which large discs are cast, and where they pass through it: a turned square, so that an edge along
 /// a cell's side meets them one by one.
 pub(super) const RAYS: usize = 4;
@@ -91,6 +94,8 @@ pub struct MicroBuffer {
     pub(super) shape: Shape,
     pub(super) resolution: u32,
     cells: Vec<Cell>,
+    /// The squares that each cell is cut into, cell after cell.
+    parts: Vec<Cell>,
     /// The cell at each place of each patch. A place of a border has the cell that lies there on the neighbouring patch,
     /// or beyond the horizon the cell above it.
     table: Vec<u32>,
@@ -117,10 +122,17 @@ impl MicroBuffer {
             patches.push(Patch { first, columns: resolution, rows });
             first += (resolution as usize + 2) * (rows as usize + 2);
         }
-        let (cells, table, rays) = (Vec::new(), vec![0; first], Vec::new());
-        let (places, starts) = (Vec::new(), Vec::new());
-        let mut buffer =
-            MicroBuffer { shape, resolution, cells, table, patches, places, starts, rays };
+        let mut buffer = MicroBuffer {
+            shape,
+            resolution,
+            cells: Vec::new(),
+            parts: Vec::new(),
+            table: vec![0; first],
+            patches,
+            places: Vec::new(),
+            starts: Vec::new(),
+            rays: Vec::new(),
+        };
         buffer.measure();
         buffer.join();
         buffer.invert();
@@ -141,6 +153,13 @@ impl MicroBuffer {
     #[inline]
     pub(super) fn cells(&self) -> &[Cell] {
         &self.cells
+    }
+
+    /// A cell in parts, for what differs within it.
+    #[inline]
+    pub(super) fn parts(&self, cell: usize) -> &[Cell] {
+        let count = self.parts.len() / self.cells.len();
+        &self.parts[cell * count..(cell + 1) * count]
     }
 
     pub(super) fn rays(&self) -> &[[Rays; RAYS]] {
@@ -255,33 +274,49 @@ impl MicroBuffer {
         }
     }
 
+    /// The integrals of direction and of one, weighted by the cosine, over a square of cell coordinates of a patch.
+    fn integrate(&self, patch: usize, [u, v]: [f64; 2], size: f64, points: u32) -> (DVec3, f64) {
+        let (mut mean, mut weight) = (DVec3::ZERO, 0.0);
+        for (b, a) in (0..points).flat_map(|b| (0..points).map(move |a| (b, a))) {
+            let at =
+                |from: f64, point: u32| from + size * (f64::from(point) + 0.5) / f64::from(points);
+            let (direction, density) = self.warp(patch, at(u, a), at(v, b));
+            mean += direction * (direction.z * density);
+            weight += direction.z * density;
+        }
+        (mean, weight)
+    }
+
     /// Makes the cells and enters them into the middle of the table.
     fn measure(&mut self) {
-        let mut sums = Vec::new();
+        let (mut sums, mut parts) = (Vec::new(), Vec::new());
+        let side = (ALL_PARTS / self.resolution).clamp(1, PARTS);
+        let side = 1 << side.ilog2();
+        let size = 1.0 / f64::from(side);
         for (p, patch) in self.patches.iter().enumerate() {
             for (j, i) in (0..patch.rows).flat_map(|j| (0..patch.columns).map(move |i| (j, i))) {
-                let mut mean = DVec3::ZERO;
-                let mut weight = 0.0;
-                for (b, a) in (0..POINTS).flat_map(|b| (0..POINTS).map(move |a| (b, a))) {
-                    let at = |cell: u32, point: u32| {
-                        f64::from(cell) + (f64::from(point) + 0.5) / f64::from(POINTS)
-                    };
-                    let (direction, density) = self.warp(p, at(i, a), at(j, b));
-                    mean += direction * (direction.z * density);
-                    weight += direction.z * density;
+                let (mut mean, mut weight) = (DVec3::ZERO, 0.0);
+                for (b, a) in (0..side).flat_map(|b| (0..side).map(move |a| (b, a))) {
+                    let [u, v] = [(i, a), (j, b)]
+                        .map(|(cell, part)| f64::from(cell) + size * f64::from(part));
+                    let part = self.integrate(p, [u, v], size, POINTS / side);
+                    mean += part.0;
+                    weight += part.1;
+                    parts.push(part);
                 }
                 let place = patch.first + (j as usize + 1) * (patch.columns as usize + 2);
                 self.table[place + i as usize + 1] = sums.len() as u32;
-                sums.push((mean.normalize_or(DVec3::Z), weight));
+                sums.push((mean, weight));
             }
         }
         // What the points miss of the integrals is shared out, so that the whole is exact.
         let scale = PI / sums.iter().map(|sum| sum.1).sum::<f64>();
-        let cell = |(direction, weight): (DVec3, f64)| Cell {
-            direction: direction.as_vec3(),
+        let cell = |(mean, weight): (DVec3, f64)| Cell {
+            direction: mean.normalize_or(DVec3::Z).as_vec3(),
             weight: (weight * scale) as f32,
         };
         self.cells = sums.into_iter().map(cell).collect();
+        self.parts = parts.into_iter().map(cell).collect();
     }
 
     /// Enters the borders of the patches into the table.

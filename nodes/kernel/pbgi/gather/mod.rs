@@ -25,19 +25,26 @@ mod tests;
 pub use buffer::{MicroBuffer, Shape};
 
 use super::hierarchy::Hierarchy;
+use crate::kernel::brdf::Reflectance;
 use crate::kernel::element::Receiver;
 use crate::kernel::lanes::{Lanes, Portable, WIDTH};
+use buffer::Cell;
 use cut::Cut;
 use fragments::Fragments;
 use frame::Frame;
 use glam::Vec3;
 use painting::{Layers, Painting};
 use rayon::prelude::*;
+use std::f32::consts::FRAC_PI_4;
 use std::ops::Add;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Receivers of one piece of work.
 const PIECE: usize = 64;
+
+/// Roughness below which a lobe differs within a cell, and as far from its middle as so many of its widths.
+const SHARP: f32 = 0.5;
+const WIDTHS: f32 = 3.0;
 
 /// Settings of a gather.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -252,6 +259,11 @@ impl<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync> Gather<'_, H, B> {
         let to_eye = frame.local(receiver.to_eye);
         let (mut radiance, mut bent) = (Vec3::ZERO, Vec3::ZERO);
         let (mut open, mut all) = (0.0, 0.0);
+        let Reflectance { specular, roughness, .. } = receiver.reflectance;
+        let sharp = specular != Vec3::ZERO && roughness < SHARP;
+        // Half vectors turn by half of what directions do: a cell spans half of its width.
+        let cell = FRAC_PI_4 / self.buffer.resolution as f32;
+        let edge = (WIDTHS * roughness * roughness + cell).cos();
         for (c, cell) in self.buffer.cells().iter().enumerate() {
             // What lies below the facet is the receiver's own surface, whatever its shading normal says.
             if facet.dot(cell.direction) <= 0.0 {
@@ -264,8 +276,15 @@ impl<H: Hierarchy, B: Fn(Vec3) -> Vec3 + Sync> Gather<'_, H, B> {
                 bent += cell.direction * (left * cell.weight);
             }
             all += cell.weight;
-            let brdf = receiver.reflectance.brdf(Vec3::Z, to_eye, cell.direction);
-            radiance += incoming * brdf * cell.weight;
+            let reflected = |part: &Cell| {
+                receiver.reflectance.brdf(Vec3::Z, to_eye, part.direction) * part.weight
+            };
+            let brdf: Vec3 = if sharp && (to_eye + cell.direction).normalize_or_zero().z > edge {
+                self.buffer.parts(c).iter().map(reflected).sum()
+            } else {
+                reflected(cell)
+            };
+            radiance += incoming * brdf;
         }
         let open = if all > 0.0 { open / all } else { 0.0 };
         Gathered { radiance, open, unoccluded: frame.world(bent).normalize_or_zero() }

@@ -307,6 +307,28 @@ fn gloss_follows_the_brdf() {
 }
 
 #[test]
+fn a_lobe_narrower_than_a_cell_has_its_energy() {
+    let (tree, finest) = (exact(Vec::new()), MicroBuffer::new(Shape::Cube, 64));
+    for roughness in [0.3, 0.4, 0.45] {
+        let reflectance = Reflectance { specular: Vec3::ONE, roughness, ..Reflectance::default() };
+        for eye in [0.0, 0.3, 0.7, 1.1].map(|turn: f32| Vec3::new(turn.sin(), turn.cos(), 0.1)) {
+            let to_eye = eye.normalize();
+            let receiver = Receiver { to_eye, reflectance, ..white(Vec3::ZERO, Vec3::Y) };
+            let under_white_sky = |buffer: &MicroBuffer| {
+                let (settings, background) = (Settings::default(), |_| Vec3::ONE);
+                let gather = Gather { hierarchy: &tree, buffer, settings, background };
+                gather.one(&receiver, &mut Scratch::default(), &mut Work::default()).radiance.x
+            };
+            let fine = under_white_sky(&finest);
+            for buffer in buffers() {
+                let found = under_white_sky(&buffer);
+                assert!((found / fine - 1.0).abs() < 0.03, "{roughness} {eye}: {found} {fine}");
+            }
+        }
+    }
+}
+
+#[test]
 fn nothing_comes_from_below_the_facet() {
     for buffer in buffers() {
         let facet = Vec3::new(0.6, 0.8, 0.0);

@@ -37,8 +37,7 @@ impl<'a> Best<'a> {
     ) -> Self {
         let point = projected.axes.project::<L>(x);
         let slack = projected.slack(&point, square.sqrt());
-        let mut best =
-            Best { centres, x, point, slack, without: None, entry, square, most: 0.0 };
+        let mut best = Best { centres, x, point, slack, without: None, entry, square, most: 0.0 };
         best.limit();
         best
     }

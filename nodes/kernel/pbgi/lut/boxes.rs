@@ -172,8 +172,8 @@ fn put(corner: &mut Corner, lane: usize, point: Eight) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::fixtures::{flat, noise};
     use super::super::centres::Centres;
+    use super::super::fixtures::{flat, noise};
     use super::super::lanes::{Portable, squared};
     use super::super::principal::{Principal, Projected};
     use super::*;

@@ -6,7 +6,6 @@ use super::best::LEAST;
 use super::centres::Centres;
 use super::lanes::{Eight, GROUP, Lanes, WIDTH, padded, wide};
 
-
 /// Vectors that the axes are fitted to, about.
 const SAMPLE: usize = 2048;
 /// Rounds of subspace iteration: the axes need not be exact.
@@ -44,7 +43,9 @@ impl Principal {
             orthonormalize(&mut axes);
         }
         let of = |i| {
-            Eight(std::array::from_fn(|a| axes.get(a).map_or(0.0, |axis: &Vec<f64>| axis[i] as f32)))
+            Eight(std::array::from_fn(|a| {
+                axes.get(a).map_or(0.0, |axis: &Vec<f64>| axis[i] as f32)
+            }))
         };
         let across = (0..dims).map(of).collect();
         let single = |numbers: &[f64]| numbers.iter().map(|x| *x as f32).collect::<Vec<_>>();

@@ -1,8 +1,8 @@
 //! Where k-means starts: vectors drawn at random, or spread out (k-means++, Arthur and Vassilvitskii 2007).
 
-use super::lanes::{Eight, GROUP, Lanes, WIDTH, padded, squared, wide};
 use super::best::MARGIN;
 use super::centres::squared_from_all;
+use super::lanes::{Eight, GROUP, Lanes, WIDTH, padded, squared, wide};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
