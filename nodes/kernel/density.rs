@@ -118,7 +118,7 @@ mod tests {
         let spread = |k: u32| 0.02 * k as f32 - 0.19;
         let middle = |k| (spread(k), spread(k * 7 % 20));
         let edge = |k| (0.5, spread(k));
-        let corner = |k: u32| (0.5 - 0.01 * k as f32, if k % 2 == 0 { -0.5 } else { 0.5 });
+        let corner = |k: u32| (0.5 - 0.01 * k as f32, [-0.5, 0.5][k as usize % 2]);
         let places: [&dyn Fn(u32) -> (f32, f32); 3] = [&middle, &edge, &corner];
         for place in places {
             let irradiance = |k| {
