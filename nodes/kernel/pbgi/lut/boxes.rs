@@ -221,6 +221,15 @@ mod tests {
     }
 
     #[test]
+    fn one_bright_entry_does_not_blunt_the_boxes() {
+        let mut entries = flat(4097, 36, 3);
+        entries[36 * 40..36 * 41].iter_mut().for_each(|x| *x = *x * 1e8 + 1e8);
+        for vector in flat(50, 36, 4).chunks_exact(36) {
+            assert!(search(&entries, vector, &[5])[0].1);
+        }
+    }
+
+    #[test]
     fn it_gives_up_where_seven_axes_say_little() {
         assert!(!search(&noise(5000 * 64, 1), &noise(64, 2), &[5])[0].1);
         // All are as far off the axes as from the mean.

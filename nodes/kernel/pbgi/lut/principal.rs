@@ -16,10 +16,11 @@ const NOTHING: f64 = 1e-9;
 /// Axes at most; the eighth number is the distance off them.
 const AXES: usize = WIDTH - 1;
 
-/// Up to seven orthonormal axes through the mean, those of largest variance.
+/// Up to seven orthonormal axes through the median, those along which vectors differ most.
 pub struct Principal {
-    /// Padded.
-    mean: Vec<Eight>,
+    /// By number, padded. The mean would be drawn away by one bright vector, and rounding is in proportion to the distance from
+    /// here.
+    median: Vec<Eight>,
     /// One number of all axes, for each number of a vector; zeros where there are fewer axes.
     across: Vec<Eight>,
     /// The same axes one by one, each padded.
@@ -31,14 +32,16 @@ impl Principal {
     pub fn new(centres: &[Eight], dims: usize) -> Self {
         let vectors = centres.chunks_exact(dims.div_ceil(WIDTH));
         let step = (vectors.len() / SAMPLE).max(1);
-        let (mean, covariance) = moments(vectors.step_by(step), dims);
+        let sample = vectors.step_by(step);
+        let median = median(sample.clone(), dims);
+        let scatter = scatter(sample, &median, dims);
         // Any axes that are orthogonal to none of those wanted.
         let start = |i: usize| (i as u32).wrapping_mul(0x9e37_79b9) as i32;
         let mut axes: [Vec<f64>; AXES] =
             std::array::from_fn(|a| (0..dims).map(|i| start(a * dims + i).into()).collect());
         for _ in 0..ROUNDS {
             for axis in &mut axes {
-                *axis = covariance.chunks_exact(dims).map(|row| dot(row, axis)).collect();
+                *axis = scatter.chunks_exact(dims).map(|row| dot(row, axis)).collect();
             }
             orthonormalize(&mut axes);
         }
@@ -48,27 +51,27 @@ impl Principal {
             }))
         };
         let across = (0..dims).map(of).collect();
-        let single = |numbers: &[f64]| numbers.iter().map(|x| *x as f32).collect::<Vec<_>>();
+        let single = |axis: &Vec<f64>| axis.iter().map(|x| *x as f32).collect::<Vec<_>>();
         let along = axes.iter().flat_map(|axis| padded(&single(axis), dims, 1.0)).collect();
-        Principal { mean: padded(&single(&mean), dims, 1.0), across, along }
+        Principal { median: padded(&median, dims, 1.0), across, along }
     }
 
-    /// The numbers of padded `x` along the axes, from the mean, and last its distance off them. Between two vectors they differ
+    /// The numbers of padded `x` along the axes, from the median, and last its distance off them. Between two vectors they differ
     /// by at most the vectors' distance.
     #[inline(always)]
     pub fn project<L: Lanes>(&self, x: &[Eight]) -> Eight {
         let mut sum = L::splat(0.0);
-        for ((across, x), mean) in self.across.chunks(WIDTH).zip(x).zip(&self.mean) {
-            let from_mean = L::load(x).sub(L::load(mean)).store();
-            for (across, x) in across.iter().zip(from_mean) {
+        for ((across, x), median) in self.across.chunks(WIDTH).zip(x).zip(&self.median) {
+            let apart = L::load(x).sub(L::load(median)).store();
+            for (across, x) in across.iter().zip(apart) {
                 sum = sum.add(L::splat(x).mul(L::load(across)));
             }
         }
         let mut numbers = sum.store();
         let mut square = L::splat(0.0);
-        for (i, (x, mean)) in x.iter().zip(&self.mean).enumerate() {
-            let mut off = L::load(x).sub(L::load(mean));
-            for (number, axis) in numbers.iter().zip(self.along.chunks_exact(self.mean.len())) {
+        for (i, (x, median)) in x.iter().zip(&self.median).enumerate() {
+            let mut off = L::load(x).sub(L::load(median));
+            for (number, axis) in numbers.iter().zip(self.along.chunks_exact(self.median.len())) {
                 off = off.sub(L::splat(*number).mul(L::load(&axis[i])));
             }
             square = square.add(off.mul(off));
@@ -105,7 +108,7 @@ impl Projected {
     pub fn slack(&self, point: &Eight, near: f32) -> f32 {
         // A sum of n products is off by at most n half epsilons of the product of lengths, the seven of them by a root of seven of
         // that. So is the distance off the axes, of which seven more products are taken. The entry is at most `near` farther from
-        // the mean than the vector.
+        // the median than the vector.
         let relative = 2.0 * f32::EPSILON * (self.axes.across.len() + 12) as f32;
         let square = |sum: f32, x: &f32| sum + x * x;
         relative * (2.0 * point.0.iter().fold(0.0, square).sqrt() + near) + LEAST
@@ -122,25 +125,28 @@ fn project<L: Lanes>(axes: &Principal, padded: &[Eight], points: &mut [Eight]) {
     }
 }
 
-/// Mean and covariance.
-fn moments<'a>(
-    vectors: impl Iterator<Item = &'a [Eight]> + Clone,
-    dims: usize,
-) -> (Vec<f64>, Vec<f64>) {
-    let numbers = |vector: &'a [Eight]| vector.iter().flat_map(|x| x.0).map(f64::from);
-    let count = vectors.clone().count() as f64;
-    let mut mean = vec![0.0; dims];
-    for vector in vectors.clone() {
-        mean.iter_mut().zip(numbers(vector)).for_each(|(mean, x)| *mean += x / count);
-    }
-    let mut covariance = vec![0.0; dims * dims];
+/// The median of each number.
+fn median<'a>(vectors: impl Iterator<Item = &'a [Eight]> + Clone, dims: usize) -> Vec<f32> {
+    let middle = |i: usize| {
+        let mut numbers: Vec<f32> =
+            vectors.clone().map(|vector| vector[i / WIDTH].0[i % WIDTH]).collect();
+        let half = numbers.len() / 2;
+        *numbers.select_nth_unstable_by(half, f32::total_cmp).1
+    };
+    (0..dims).map(middle).collect()
+}
+
+/// Sums of products of differences from a vector.
+fn scatter<'a>(vectors: impl Iterator<Item = &'a [Eight]>, from: &[f32], dims: usize) -> Vec<f64> {
+    let mut scatter = vec![0.0; dims * dims];
     for vector in vectors {
-        let from_mean: Vec<f64> = numbers(vector).zip(&mean).map(|(x, mean)| x - mean).collect();
-        for (row, x) in covariance.chunks_exact_mut(dims).zip(&from_mean) {
-            row.iter_mut().zip(&from_mean).for_each(|(sum, y)| *sum += x * y);
+        let numbers = vector.iter().flat_map(|x| x.0).zip(from);
+        let apart: Vec<f64> = numbers.map(|(x, from)| f64::from(x) - f64::from(*from)).collect();
+        for (row, x) in scatter.chunks_exact_mut(dims).zip(&apart) {
+            row.iter_mut().zip(&apart).for_each(|(sum, y)| *sum += x * y);
         }
     }
-    (mean, covariance)
+    scatter
 }
 
 /// Makes axes orthogonal to those before and of length 1; those that depend on others become zero.
