@@ -1,5 +1,6 @@
-//! Vectors for tests.
+//! Vectors and tables for tests.
 
+use super::{KMeans, Lut, Tick};
 use rand_pcg::Pcg64Mcg;
 use rand_pcg::rand_core::Rng;
 
@@ -32,4 +33,17 @@ pub fn flat(count: usize, dims: usize, seed: u64) -> Vec<f32> {
         }
     }
     out
+}
+
+/// Goes on.
+pub const QUIET: &Tick = &|_, _| Ok(());
+
+/// Settings for so many entries, of all vectors.
+pub fn all(entries: u32) -> KMeans {
+    KMeans { entries, black: 0.0, ..KMeans::default() }
+}
+
+/// A trained table.
+pub fn build(vectors: &[f32], dims: usize, settings: &KMeans) -> Lut {
+    Lut::build(vectors, dims, settings, QUIET).unwrap()
 }

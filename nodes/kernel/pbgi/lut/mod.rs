@@ -13,14 +13,17 @@ mod errors;
 mod fixtures;
 mod kmeans;
 mod lanes;
+mod lloyd;
 mod nearest;
 mod principal;
 mod seeding;
+mod weighting;
 
 pub use balance::{Balanced, balance, balanced};
 pub use errors::{Errors, errors};
-pub use kmeans::{KMeans, Lut, Seeding, Weighting};
+pub use kmeans::{KMeans, Lut, Seeding};
 pub use nearest::{DIMS, Quantizer};
+pub use weighting::Weighting;
 
 /// Progress and cancellation: called with (steps done, all steps), from any thread; an error ends the work and is handed on.
 pub type Tick<'a> = dyn Fn(u64, u64) -> Result<(), crate::node::Error> + Sync + 'a;
