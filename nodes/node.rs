@@ -7,13 +7,15 @@ mod context;
 mod digest;
 mod params;
 mod ports;
+mod values;
 
 pub use context::{Ctx, Derived};
 pub use digest::Digest;
-pub use params::{Choice, File, ParamSpec, ParamValue, Params, Problems, parse_number};
+pub use params::{ParamSpec, Params, Problems};
 pub use ports::{
     All, Binder, Cardinality, Inputs, Item, Many, Output, Port, PortSpec, Sequence, Sizes, Window,
 };
+pub use values::{Choice, File, ParamValue, parse_number};
 
 use std::path::PathBuf;
 
