@@ -47,3 +47,19 @@ pub fn relative(from: &Path, to: &Path) -> PathBuf {
     let up = from.components().skip(common).map(|_| Component::ParentDir);
     up.chain(to.components().skip(common)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_start_at_the_graph() {
+        let from = |folder: &str, file: &str| {
+            quoted(Path::new(folder), Path::new(file)).unwrap_or_default()
+        };
+        assert_eq!(from("", "a/../b.glb"), "\"b.glb\"");
+        assert_eq!(from("graphs/x", "scenes/b \"1\".glb"), "\"../../scenes/b \\\"1\\\".glb\"");
+        assert_eq!(from("", "$b.glb"), "\"./$b.glb\"");
+        assert_eq!(relative(Path::new("/a/b"), Path::new("/a/c/d")), Path::new("../c/d"));
+    }
+}
