@@ -11,6 +11,7 @@
 mod beam;
 mod blocking;
 mod build;
+mod collapse;
 mod hierarchy;
 mod nearest;
 mod packet;
