@@ -19,6 +19,7 @@ pub mod meshes;
 pub mod metrics;
 pub mod neighbours;
 pub mod nine_vectors;
+pub mod pages;
 pub mod pbgi;
 pub mod photon_tracing;
 pub mod posing;

@@ -5,6 +5,8 @@
 const WIDE: usize = 8;
 /// Accumulators of each of several columns read at once.
 const NARROW: usize = 4;
+/// Blocks of `NARROW` entries in a cache line of 64 bytes.
+const LINE: usize = 64 / (NARROW * size_of::<f32>());
 /// Columns that `gather` reads at once.
 pub const GROUP: usize = 4;
 
@@ -116,14 +118,29 @@ pub fn distance(column: &[f32], scale: f64, centre: &[f64]) -> f64 {
     total(sums)
 }
 
+/// Asks for the cache line at an address, valid or not.
+#[inline(always)]
+fn fetch(address: *const f32) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: a prefetch reads nothing.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = address;
+}
+
 /// Reads the columns of `G` lights in one frame once: adds their sum to `frame`, each to its own sum in `lights` (`G` times as long;
-/// left alone when empty), and gives their dot products with `line`. All of one length.
+/// left alone when empty), and gives their dot products with `line`. All of one length. The columns from `next` on, which will be
+/// read next, are asked for meanwhile: any address will do.
 #[inline(always)]
 pub fn gather<const G: usize, const LIGHTS: bool>(
     columns: [&[f32]; G],
     line: &[f64],
     frame: &mut [f64],
     lights: &mut [f64],
+    next: [*const f32; G],
 ) -> [f64; G] {
     let rows = line.len();
     let mut sums = [[0.0f64; NARROW]; G];
@@ -139,6 +156,9 @@ pub fn gather<const G: usize, const LIGHTS: bool>(
         (&mut vectors[..if LIGHTS { blocks } else { 0 }], rest)
     });
     for block in 0..blocks {
+        if block % LINE == 0 {
+            next.iter().for_each(|next| fetch(next.wrapping_add(NARROW * block)));
+        }
         let mut frame_sum = frame[block];
         for g in 0..G {
             let x = columns[g][block].map(f64::from);
@@ -184,7 +204,8 @@ mod tests {
             let mut frame = vec![1.0; rows];
             let mut lights = vec![2.0; GROUP * rows];
             let slices = std::array::from_fn(|g| columns[g].as_slice());
-            let dots = gather::<GROUP, true>(slices, &line, &mut frame, &mut lights);
+            let next = std::array::from_fn(|g| columns[g].as_ptr());
+            let dots = gather::<GROUP, true>(slices, &line, &mut frame, &mut lights, next);
             for g in 0..GROUP {
                 assert_eq!(dots[g], plain(&columns[g]));
                 for i in 0..rows {

@@ -97,15 +97,23 @@ impl Sums {
         let lights: [usize; G] = std::array::from_fn(|g| rectangle.lights[first + g] as usize);
         let slabs = lights.map(|light| tensor.slab(light, rectangle.frames.clone()));
         let norms = lights.map(|light| tensor.norms(light, rectangle.frames.clone()));
+        // Lights of a cluster lie anywhere in the tensor, where the processor does not foresee them.
+        let next: [*const f32; G] = std::array::from_fn(|g| {
+            let light = rectangle.lights.get(first + G + g);
+            light.map_or(std::ptr::null(), |&light| {
+                tensor.slab(light as usize, rectangle.frames.clone()).as_ptr()
+            })
+        });
         for k in 0..rectangle.frames.len() {
+            let next = next.map(|slab| slab.wrapping_add(k * rows));
             let columns = slabs.map(|slab| &slab[k * rows..][..rows]);
             let direction = &direction[k * rows..][..rows];
             let frame = &mut self.frames[k * rows..][..rows];
             let dots = if self.lights.is_empty() {
-                lanes::gather::<G, false>(columns, direction, frame, &mut [])
+                lanes::gather::<G, false>(columns, direction, frame, &mut [], next)
             } else {
                 let lights = &mut self.lights[first * rows..][..G * rows];
-                lanes::gather::<G, true>(columns, direction, frame, lights)
+                lanes::gather::<G, true>(columns, direction, frame, lights, next)
             };
             for g in 0..G {
                 self.places[first + g] += dots[g] * inverse(norms[g][k]);

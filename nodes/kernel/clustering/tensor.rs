@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::super::pages::Paged;
 use super::{Error, lanes};
 
 /// Entries looked at together when a frame is checked.
@@ -18,7 +19,7 @@ pub struct Tensor {
     lights: usize,
     rows: usize,
     frames: usize,
-    data: Vec<f32>,
+    data: Paged<f32>,
     norms: Vec<f64>,
 }
 
@@ -54,7 +55,7 @@ impl Tensor {
             return Err(too_large.into());
         };
         let mut tensor =
-            Tensor { lights, rows, frames, data: vec![0.0; entries], norms: vec![0.0; pairs] };
+            Tensor { lights, rows, frames, data: Paged::zeroed(entries), norms: vec![0.0; pairs] };
         for k in 0..frames {
             tensor.fill(k, frame(k)?.as_ref())?;
         }

@@ -1,7 +1,7 @@
 //! The eight-wide hierarchy as it lies in memory: nodes, leaves of triangles and the hierarchy of one mesh.
 
+use super::super::pages::Paged;
 use super::build;
-use super::pages::Paged;
 use crate::kernel::lanes::{Lanes, WIDTH};
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;

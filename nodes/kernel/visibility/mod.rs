@@ -15,7 +15,6 @@ mod collapse;
 mod hierarchy;
 mod nearest;
 mod packet;
-mod pages;
 mod picked;
 mod query;
 mod single;

@@ -11,7 +11,7 @@ const LARGE: usize = 1 << 21;
 
 /// A fixed number of zeroed elements.
 #[derive(Debug)]
-pub(super) struct Paged<T> {
+pub struct Paged<T> {
     store: Store<T>,
     len: usize,
 }
@@ -23,7 +23,8 @@ enum Store<T> {
 }
 
 impl<T: Pod> Paged<T> {
-    pub(super) fn zeroed(len: usize) -> Self {
+    /// `len` zeros.
+    pub fn zeroed(len: usize) -> Self {
         let bytes = len * size_of::<T>();
         let mapped = (bytes >= LARGE).then(|| MmapMut::map_anon(bytes)).and_then(Result::ok);
         let Some(map) = mapped else {
@@ -66,6 +67,12 @@ impl<T: Pod> Clone for Paged<T> {
     }
 }
 
+impl<T: Pod + PartialEq> PartialEq for Paged<T> {
+    fn eq(&self, other: &Self) -> bool {
+        **self == **other
+    }
+}
+
 impl<T: Pod> From<&[T]> for Paged<T> {
     fn from(values: &[T]) -> Self {
         let mut paged = Self::zeroed(values.len());
@@ -83,7 +90,8 @@ mod tests {
         for len in [0, 5, 3 * LARGE / 4 + 1] {
             let values: Vec<u32> = (0..len as u32).collect();
             let mut paged = Paged::from(values.as_slice());
-            assert_eq!(*paged.clone(), *values);
+            assert_eq!(*paged, *values);
+            assert_eq!(paged.clone(), paged);
             paged.iter_mut().for_each(|value| *value += 1);
             assert!(paged.iter().zip(1..).all(|(a, b)| *a == b));
             assert_eq!(paged.len(), len);
