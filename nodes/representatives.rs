@@ -90,7 +90,8 @@ impl Node for Representatives {
         let clusters = cut(&input.clusters, wanted)?;
         let available = input.clusters.start.len() + input.clusters.split.len();
         if wanted > available {
-            ctx.note(format!("{available} clusters exist where {wanted} were asked for"));
+            let why = "no more have light, or `limit` or `count` of the node that clusters is lower";
+            ctx.note(format!("{available} clusters exist where {wanted} were asked for: {why}"));
         }
         let mut chosen: Vec<Chosen> = clusters
             .par_iter()

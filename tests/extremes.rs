@@ -256,7 +256,8 @@ fn more_clusters_than_lights_are_as_many_as_there_are() {
         let input = nodes::RepresentativesIn { clusters, rows: shot.all_rows() };
         let representatives = count(500).run(input, &ctx).unwrap();
         assert_eq!(representatives.pair.len(), 10, "five lights in two frames");
-        assert_eq!(ctx.notes(), ["10 clusters exist where 1000 were asked for"]);
+        let [note] = &ctx.notes()[..] else { panic!("{:?}", ctx.notes()) };
+        assert!(note.starts_with("10 clusters exist where 1000 were asked for"), "{note}");
         assert!(relative_l2(&shot.reconstruct(representatives, &[]), &shot.reference()) < 1e-6);
     }
 }

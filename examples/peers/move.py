@@ -19,7 +19,7 @@ import ours
 
 FRAMES, FPS = 8, 24
 # Columns and photons.
-SETTINGS = [(200, 10_000), (800, 300_000)]
+SETTINGS = [(200, 30_000), (800, 100_000)]
 # Options and two numbers of samples.
 PEERS = [(["--peer", "cycles", "--denoise"], 4, 16), (["--peer", "mitsuba"], 16, 64)]
 
@@ -61,7 +61,7 @@ def main():
     times = []
     for columns, photons in SETTINGS:
         out = folder / f"{columns}_{photons}"
-        document, _, cpu = ours.run(graph, out, {"columns": columns, "fps": float(FPS), "photons.count": photons})
+        document, _, cpu = ours.run(graph, out, {"columns": columns, "clusters.limit": max(400, columns), "fps": float(FPS), "photons.count": photons})
         frames = ours.published(document, "frame")
         times.append(row(f"Lightloom, {columns} / {photons // 1000}k", ["--external", frames[0].parent / "*.exr"], cpu / FRAMES))
     for what, few, many in PEERS:

@@ -71,7 +71,7 @@ emissive|        "emissive": EmissiveLights(<at><emissive_rest>, count: <emitter
 !points|        // Bounce light: samples on all surfaces gather light and become lights. They ask each light of
 !points|        // the few; what the many send comes by photons.
 !points,around,emissive|        "many": MergeLights(lights: ["environment_lights", "emissive"]),
-shot,!points|        "photons": Photons(<at><direct><many>, seed: "$seed"),
+shot,!points|        "photons": Photons(<at><direct><many>, count: 30000, seed: "$seed"),
 !shot,!points|        "photons": Photons(<at><direct><many>, count: 100000, seed: "$seed"),
 two_sided,!points|        // Both sides reflect: <two_sided> materials are double-sided. With the others these are all lights.
 !two_sided,!points|        // Only fronts reflect: no material is double-sided. With the others these are all lights.
