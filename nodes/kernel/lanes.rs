@@ -35,8 +35,36 @@ pub trait Lanes:
     fn ge(self, other: Self) -> u32;
     /// The lanes of `self` where the mask is set, those of `other` elsewhere.
     fn or(self, mask: u32, other: Self) -> Self;
+    /// The least lane; anything if one is not a number.
+    fn least(self) -> f32;
+    /// The greatest lane; anything if one is not a number.
+    fn greatest(self) -> f32;
+    /// The lanes where the mask is set side by side, in their order, and then lane 0 again and again.
+    fn press(self, mask: u32) -> Self;
     /// Writes lane i of row k to `columns[i][k]`.
     fn transpose(rows: [Self; WIDTH]) -> [[f32; WIDTH]; WIDTH];
+}
+
+/// The lanes where the mask is set, in their order, and then zeros.
+#[inline(always)]
+pub fn pressed(mask: u32) -> [u8; WIDTH] {
+    static ALL: [[u8; WIDTH]; 1 << WIDTH] = {
+        let mut all = [[0; WIDTH]; 1 << WIDTH];
+        let mut mask = 0;
+        while mask < all.len() {
+            let (mut lane, mut count) = (0, 0);
+            while lane < WIDTH {
+                if mask >> lane & 1 == 1 {
+                    all[mask][count] = lane as u8;
+                    count += 1;
+                }
+                lane += 1;
+            }
+            mask += 1;
+        }
+        all
+    };
+    ALL[mask as usize % ALL.len()]
 }
 
 /// Plain arrays, for every instruction set.
@@ -127,6 +155,18 @@ impl Lanes for Portable {
         Self(std::array::from_fn(|i| if mask >> i & 1 == 1 { self.0[i] } else { other.0[i] }))
     }
     #[inline(always)]
+    fn least(self) -> f32 {
+        self.0.into_iter().fold(f32::INFINITY, f32::min)
+    }
+    #[inline(always)]
+    fn greatest(self) -> f32 {
+        self.0.into_iter().fold(f32::NEG_INFINITY, f32::max)
+    }
+    #[inline(always)]
+    fn press(self, mask: u32) -> Self {
+        Self(pressed(mask).map(|lane| self.0[lane as usize % WIDTH]))
+    }
+    #[inline(always)]
     fn transpose(rows: [Self; WIDTH]) -> [[f32; WIDTH]; WIDTH] {
         std::array::from_fn(|i| std::array::from_fn(|k| rows[k].0[i]))
     }
@@ -136,130 +176,7 @@ impl Lanes for Portable {
 pub use avx2::Avx2;
 
 #[cfg(target_arch = "x86_64")]
-mod avx2 {
-    use super::{Add, Div, Lanes, Mul, Sub, WIDTH};
-    use std::arch::x86_64::*;
-
-    /// One 256-bit register. Values are made only inside functions compiled for AVX2, which are entered only after
-    /// the processor was asked for it: this is what every `SAFETY` note below relies on.
-    #[derive(Clone, Copy)]
-    pub struct Avx2(__m256);
-
-    // SAFETY, of all four: the processor has AVX2, see the type.
-    operators! { Avx2(a, b):
-        // SAFETY: the processor has AVX2, see the type.
-        Add add unsafe { _mm256_add_ps(a, b) },
-        // SAFETY: the same.
-        Sub sub unsafe { _mm256_sub_ps(a, b) },
-        // SAFETY: the same.
-        Mul mul unsafe { _mm256_mul_ps(a, b) },
-        // SAFETY: the same.
-        Div div unsafe { _mm256_div_ps(a, b) }
-    }
-
-    impl Lanes for Avx2 {
-        #[inline(always)]
-        fn splat(value: f32) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_set1_ps(value) })
-        }
-        #[inline(always)]
-        fn load(values: &[f32; WIDTH]) -> Self {
-            // SAFETY: the processor has AVX2, see the type; the reference covers the 32 bytes of an unaligned load.
-            Self(unsafe { _mm256_loadu_ps(values.as_ptr()) })
-        }
-        #[inline(always)]
-        fn store(self) -> [f32; WIDTH] {
-            let mut values = [0.0; WIDTH];
-            // SAFETY: the processor has AVX2, see the type; `values` covers the 32 bytes of an unaligned store.
-            unsafe { _mm256_storeu_ps(values.as_mut_ptr(), self.0) };
-            values
-        }
-        #[inline(always)]
-        fn sqrt(self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_sqrt_ps(self.0) })
-        }
-        #[inline(always)]
-        fn max(self, other: Self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_max_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn min(self, other: Self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_min_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn abs(self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
-        }
-        #[inline(always)]
-        fn negated(self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_xor_ps(_mm256_set1_ps(-0.0), self.0) })
-        }
-        #[inline(always)]
-        fn flip(self, sign: Self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(sign.0, _mm256_set1_ps(-0.0))) })
-        }
-        #[inline(always)]
-        fn gt(self, other: Self) -> u32 {
-            // SAFETY: the processor has AVX2, see the type.
-            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GT_OQ>(self.0, other.0)) as u32 }
-        }
-        #[inline(always)]
-        fn ge(self, other: Self) -> u32 {
-            // SAFETY: the processor has AVX2, see the type.
-            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_GE_OQ>(self.0, other.0)) as u32 }
-        }
-        #[inline(always)]
-        fn or(self, mask: u32, other: Self) -> Self {
-            // SAFETY: the processor has AVX2, see the type.
-            Self(unsafe {
-                let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-                let set = _mm256_and_si256(_mm256_set1_epi32(mask as i32), bits);
-                let set = _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, bits));
-                _mm256_blendv_ps(other.0, self.0, set)
-            })
-        }
-        #[inline(always)]
-        fn transpose([a, b, c, d, e, f, g, h]: [Self; WIDTH]) -> [[f32; WIDTH]; WIDTH] {
-            // SAFETY: the processor has AVX2, see the type.
-            unsafe {
-                let ab = [_mm256_unpacklo_ps(a.0, b.0), _mm256_unpackhi_ps(a.0, b.0)];
-                let cd = [_mm256_unpacklo_ps(c.0, d.0), _mm256_unpackhi_ps(c.0, d.0)];
-                let ef = [_mm256_unpacklo_ps(e.0, f.0), _mm256_unpackhi_ps(e.0, f.0)];
-                let gh = [_mm256_unpacklo_ps(g.0, h.0), _mm256_unpackhi_ps(g.0, h.0)];
-                // Of each pair of columns i and i + 4 the upper four rows and the lower four.
-                let upper = [
-                    _mm256_shuffle_ps::<0x44>(ab[0], cd[0]),
-                    _mm256_shuffle_ps::<0xee>(ab[0], cd[0]),
-                    _mm256_shuffle_ps::<0x44>(ab[1], cd[1]),
-                    _mm256_shuffle_ps::<0xee>(ab[1], cd[1]),
-                ];
-                let lower = [
-                    _mm256_shuffle_ps::<0x44>(ef[0], gh[0]),
-                    _mm256_shuffle_ps::<0xee>(ef[0], gh[0]),
-                    _mm256_shuffle_ps::<0x44>(ef[1], gh[1]),
-                    _mm256_shuffle_ps::<0xee>(ef[1], gh[1]),
-                ];
-                [
-                    Self(_mm256_permute2f128_ps::<0x20>(upper[0], lower[0])).store(),
-                    Self(_mm256_permute2f128_ps::<0x20>(upper[1], lower[1])).store(),
-                    Self(_mm256_permute2f128_ps::<0x20>(upper[2], lower[2])).store(),
-                    Self(_mm256_permute2f128_ps::<0x20>(upper[3], lower[3])).store(),
-                    Self(_mm256_permute2f128_ps::<0x31>(upper[0], lower[0])).store(),
-                    Self(_mm256_permute2f128_ps::<0x31>(upper[1], lower[1])).store(),
-                    Self(_mm256_permute2f128_ps::<0x31>(upper[2], lower[2])).store(),
-                    Self(_mm256_permute2f128_ps::<0x31>(upper[3], lower[3])).store(),
-                ]
-            }
-        }
-    }
-}
+mod avx2;
 
 /// Hints that all of `value` will be read soon.
 #[inline(always)]
@@ -353,6 +270,7 @@ mod tests {
             x.negated(),
             x.flip(y),
             x.or(0b1010_0110, y),
+            x.press(0b1010_0110),
             L::splat(a[3]),
         ];
         let columns = L::transpose([x, y, x + y, x, y, x - y, y, x]);
@@ -360,7 +278,10 @@ mod tests {
         let stored = stored.iter().chain(&columns).flatten();
         // Which bits one gets for what is no number is left open.
         let bits = |n: &f32| if n.is_nan() { u32::MAX } else { n.to_bits() };
-        stored.map(bits).chain([x.gt(y), x.ge(y)]).collect()
+        // Lanes without those that are no number, of which there is no least.
+        let whole = x.or(x.ge(x), L::splat(1.0));
+        let ends = [whole.least(), whole.greatest()].map(f32::to_bits);
+        stored.map(bits).chain([x.gt(y), x.ge(y)]).chain(ends).collect()
     }
 
     #[test]
@@ -380,6 +301,15 @@ mod tests {
                 assert_eq!(unsafe { avx2(&kinds, &b) }, plain);
             }
         }
+    }
+
+    #[test]
+    fn pressed_lanes_keep_their_order() {
+        assert_eq!(pressed(0b1010_0110), [1, 2, 5, 7, 0, 0, 0, 0]);
+        assert_eq!(pressed(0xff), [0, 1, 2, 3, 4, 5, 6, 7]);
+        let x = Portable(std::array::from_fn(|i| (i as f32 - 2.0) * 1.5));
+        assert_eq!(x.press(0b1000_0010).store()[..3], [-1.5, 7.5, -3.0]);
+        assert_eq!([x.least(), x.greatest()], [-3.0, 7.5]);
     }
 
     #[test]

@@ -43,12 +43,7 @@ impl<L: Lanes> Range<L> {
     /// Over all lanes.
     #[inline(always)]
     fn ends(self) -> (f32, f32) {
-        let (low, high) = (self.0.store(), self.1.store());
-        let mut ends = (low[0], high[0]);
-        for lane in 1..low.len() {
-            ends = (ends.0.min(low[lane]), ends.1.max(high[lane]));
-        }
-        ends
+        (self.0.least(), self.1.greatest())
     }
 }
 

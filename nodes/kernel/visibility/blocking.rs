@@ -1,8 +1,8 @@
 //! Which rays of a packet a leaf's triangles block.
 
 use super::hierarchy::{Leaf, extra_slack};
-use super::packet::{Packet, groups};
-use super::picked::GROUPS;
+use super::packet::Packet;
+use super::picked::{GROUPS, Source, groups};
 use super::triangle::{Planes, Three, barycentric, corners, splat, store};
 use crate::kernel::lanes::{Lanes, WIDTH};
 
@@ -47,7 +47,7 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
             while left != 0 {
                 let ray = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let x = Self::ray::<L>(&self.vector, ray);
+                let x = Self::ray::<L>(&self.picked.vector, ray);
                 let length = L::splat(self.length[ray / WIDTH % GROUPS][ray % WIDTH]);
                 let hit = met & planes.passed::<PARALLEL>(x, length);
                 if hit & !leaf.masked != 0
@@ -69,7 +69,7 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
                 let group = groups.trailing_zeros() as usize;
                 groups &= groups - 1;
                 let length = L::load(&self.length[group % GROUPS]);
-                let x = Self::group::<L>(&self.vector, group);
+                let x = self.picked.vectors::<L>(group);
                 let passed = plane.passed::<PARALLEL>(x, length);
                 let mut hit = u64::from(passed) << (group * WIDTH) & rays & !blocked;
                 if leaf.masked >> lane & 1 == 0 {
@@ -79,7 +79,7 @@ impl<const PARALLEL: bool> Packet<PARALLEL> {
                 while hit != 0 {
                     let ray = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    let x = Self::ray::<L>(&self.vector, ray);
+                    let x = Self::ray::<L>(&self.picked.vector, ray);
                     if any_kept::<L, PARALLEL>(leaf, &planes, x, 1 << lane, keep) {
                         blocked |= 1 << ray;
                     }

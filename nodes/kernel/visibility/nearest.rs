@@ -1,9 +1,9 @@
 //! The nearest hits of up to 64 rays that share their origin: what a camera sees through a tile of pixels.
 
 use super::hierarchy::{Bounds, Grown, LEAF, Leaf, Node};
-use super::packet::{Packet, farthest_first, groups};
-use super::picked::{GROUPS, PerRay, Picked, RAYS};
-use super::query::{Query, faces};
+use super::packet::{Packet, Turned, farthest_first};
+use super::picked::{GROUPS, PerRay, RAYS, Source, groups};
+use super::query::{FromPoint, Query, faces};
 use super::stack::Stack;
 use super::triangle::{Planes, Three, barycentric, corners, dot, splat, store};
 use super::world::World;
@@ -33,24 +33,21 @@ impl Query for NearestFrom<'_> {
         let Self { world, directions, filter, .. } = self;
         let mut hits = [None; Ends::CAPACITY];
         // Rays through different faces of a cube share no beam.
-        for mut rays in faces::<L>(directions, [0.0; 3], self.active) {
+        for rays in faces::<L>(directions, [0.0; 3], self.active) {
             if rays == 0 {
                 continue;
             }
-            let mut picked = Picked::new();
+            let source = FromPoint { ends: directions, origin: [0.0; 3] };
+            let mut packet = Packet::empty(self.origin.to_array(), [0.0; 3]);
+            packet.pick::<L>(rays, &source);
             let mut found = Found::new();
-            while rays != 0 {
-                let ray = rays.trailing_zeros() as usize;
-                rays &= rays - 1;
-                let limits = [self.limits[0][ray].max(0.0), self.limits[1][ray]];
-                found.limit(picked.count, limits);
-                picked.push([directions.xs[ray], directions.ys[ray], directions.zs[ray]], ray);
+            for (ray, place) in packet.picked.places().enumerate() {
+                found.limit(ray, [self.limits[0][place].max(0.0), self.limits[1][place]]);
             }
-            let packet = Packet::new::<L>(self.origin.to_array(), [0.0; 3], &picked);
             let upper = (&*world.nodes, world.root, &world.bounds);
             walk::<L>(&packet, upper, packet.all(), &mut found, &Places { world, filter });
-            for (place, hit) in picked.place.iter().zip(found.hit).take(picked.count) {
-                hits[usize::from(*place) % Ends::CAPACITY] = hit;
+            for (place, hit) in packet.picked.places().zip(&found.hit) {
+                hits[place] = *hit;
             }
         }
         hits
@@ -99,17 +96,27 @@ impl Found {
         self.end[ray / WIDTH % GROUPS][ray % WIDTH] = hit.t + hit.t * BEYOND;
     }
 
+    /// How far, in lengths of its vector, any ray still has to look.
+    #[inline(always)]
+    fn end<L: Lanes>(&self) -> f32 {
+        let mut far = L::splat(0.0);
+        for end in &self.end {
+            far = L::load(end).max(far);
+        }
+        far.greatest()
+    }
+
     /// How far the farthest ray of a packet still has to look, squared.
     #[inline(always)]
     fn farthest<L: Lanes>(&self, packet: &Packet<false>) -> f32 {
         let mut far = L::splat(0.0);
         for (group, end) in self.end.iter().enumerate() {
-            let v = Packet::<false>::group::<L>(&packet.vector, group);
+            let v = packet.picked.vectors::<L>(group);
             let end = L::load(end).max(L::splat(0.0));
             far = dot(v, v).mul(end).mul(end).max(far);
         }
         // A little more, for rounding.
-        far.store().into_iter().fold(0.0, f32::max) * (1.0 + 1e-5)
+        far.greatest() * (1.0 + 1e-5)
     }
 }
 
@@ -140,10 +147,8 @@ fn walk<L: Lanes>(
     }
     let origin = Grown::<L>::new(packet.origin, 0.0, bounds);
     let mut farthest = found.farthest::<L>(packet);
-    let beam = packet.beam.map(|beam| {
-        let ends = found.end.as_flattened().iter().copied();
-        beam.reaching(ends.fold(0.0, f32::max))
-    });
+    let end = found.end::<L>();
+    let beam = packet.beam.map(|beam| beam.reaching(end));
     let mut changed = false;
     let mut stack = Stack::<(f32, u32, u64)>::new((0.0, root, rays));
     while let Some((nearness, reference, rays)) = stack.pop() {
@@ -200,17 +205,17 @@ impl Leaves for Places<'_> {
         let Some(to) = &placed.to_object else {
             return walk::<L>(packet, lower, rays, found, &mesh);
         };
-        let (inner, picked) = packet.mapped::<L>(rays, |p| to.point(p), |v| to.vector(v));
+        let mut inner = packet.turned(to);
+        inner.pick::<L>(rays, &Turned { picked: &packet.picked, to });
         let mut inside = Found::new();
-        for (ray, place) in picked.place.iter().enumerate().take(picked.count) {
-            inside.limit(ray, found.limits(usize::from(*place)));
+        for (ray, place) in inner.picked.places().enumerate() {
+            inside.limit(ray, found.limits(place));
         }
         if !walk::<L>(&inner, lower, inner.all(), &mut inside, &mesh) {
             return false;
         }
         let mut changed = false;
-        for (place, hit) in picked.place.iter().zip(inside.hit).take(picked.count) {
-            let place = usize::from(*place);
+        for (place, hit) in inner.picked.places().zip(&inside.hit) {
             if let Some(hit) = hit.filter(|hit| found.wants(place, hit.t, hit.triangle)) {
                 found.take(place, hit);
                 changed = true;
@@ -258,7 +263,7 @@ impl Leaves for Mesh<'_> {
             while groups != 0 {
                 let group = groups.trailing_zeros() as usize % GROUPS;
                 groups &= groups - 1;
-                let x: Three<L> = Packet::<false>::group(&packet.vector, group);
+                let x: Three<L> = packet.picked.vectors(group);
                 let weights = plane.weights::<false>(x);
                 let facing = dot(plane.normal, x);
                 let hit = plane.inside(weights, L::load(&packet.length[group]))

@@ -6,10 +6,11 @@
 
 use super::beam::Beam;
 use super::hierarchy::{Bounds, Boxes, Grown, LEAF, Node};
-use super::picked::{GROUPS, PerRay, Picked, low_bits};
+use super::picked::{GROUPS, PerRay, Picked, Source, groups, low_bits};
 use super::single::{inverse, length};
 use super::stack::Stack;
 use super::triangle::{Three, load, splat, splat_lane, store};
+use super::world::ToObject;
 use crate::kernel::lanes::{Lanes, WIDTH, prefetch};
 
 /// What the leaves of a hierarchy stand for. A trait and not a closure, because its method must be inlined.
@@ -21,12 +22,12 @@ pub(super) trait Leaves {
     fn prefetch(&self, leaf: u32);
 }
 
-/// Rays in some frame. If they are not `PARALLEL`, they are the segments from `origin` to `origin + vector`; if they
-/// are, they start at `origin + vector` and go along `direction` without end.
+/// Rays in some frame. If they are not `PARALLEL`, they are the segments from `origin` to `origin` plus the vector picked;
+/// if they are, they start there and go along `direction` without end.
 pub(super) struct Packet<const PARALLEL: bool> {
     pub(super) origin: [f32; 3],
     pub(super) direction: [f32; 3],
-    pub(super) vector: [PerRay; 3],
+    pub(super) picked: Picked,
     /// Per ray, what boxes' bounds are multiplied by; if parallel, what is taken from them after multiplication.
     scale: [PerRay; 3],
     /// Each vector's largest coordinate.
@@ -35,7 +36,19 @@ pub(super) struct Packet<const PARALLEL: bool> {
     pub(super) beam: Option<Beam>,
     /// How far from `origin` rays start.
     pub(super) reach: f32,
-    count: usize,
+}
+
+/// Rays in another frame.
+pub(super) struct Turned<'a> {
+    pub(super) picked: &'a Picked,
+    pub(super) to: &'a ToObject,
+}
+
+impl Source for Turned<'_> {
+    #[inline(always)]
+    fn vectors<L: Lanes>(&self, group: usize) -> Three<L> {
+        self.to.vectors(self.picked.vectors::<L>(group))
+    }
 }
 
 /// Where the rays of a packet end, in lengths of their vectors. A trait, so that ends that are all the same are not
@@ -75,72 +88,65 @@ impl RayEnds for PerRay {
 }
 
 impl<const PARALLEL: bool> Packet<PARALLEL> {
-    /// The picked rays. `direction` is used only if they are parallel.
+    /// No rays yet. `direction` is used only if they are parallel.
     #[inline(always)]
-    pub(super) fn new<L: Lanes>(origin: [f32; 3], direction: [f32; 3], picked: &Picked) -> Self {
-        let mut vector = picked.vector;
-        let groups = picked.count.div_ceil(WIDTH).min(GROUPS);
-        // The last group's empty lanes repeat its first ray, so that they widen nothing.
-        for axis in &mut vector {
-            if let Some(group) = axis.get_mut(picked.count / WIDTH) {
-                let first = group[0];
-                group[picked.count % WIDTH..].fill(first);
-            }
+    pub(super) fn empty(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let zeros = [[0.0; WIDTH]; GROUPS];
+        Self {
+            origin,
+            direction,
+            picked: Picked::none(),
+            scale: [zeros; 3],
+            length: zeros,
+            inverse: [0.0; 3],
+            beam: None,
+            reach: 0.0,
         }
-        let along = splat::<L>(direction);
+    }
+
+    /// Picks those of `rays`, whose vectors `source` has; for a packet that is empty. It is filled in place because what
+    /// a function gives back is copied, two kilobytes here.
+    #[inline(always)]
+    pub(super) fn pick<L: Lanes>(&mut self, rays: u64, source: &impl Source) {
+        self.picked.pick::<L>(rays, source);
+        let groups = self.picked.count().div_ceil(WIDTH).min(GROUPS);
+        let along = splat::<L>(self.direction);
         let along = inverse(along, length(along));
-        let mut scale = [[[0.0; WIDTH]; GROUPS]; 3];
-        let mut lengths = [[0.0; WIDTH]; GROUPS];
-        let mut reach = 0.0f32;
+        let (zero, finite) = (L::splat(0.0), L::splat(f32::MAX));
+        let mut reach = zero;
         for group in 0..groups {
-            let v = Self::group::<L>(&vector, group);
+            let v = self.picked.vectors::<L>(group);
             let length = length(v);
-            lengths[group] = length.store();
-            let s = if PARALLEL {
-                for ray in lengths[group] {
-                    reach = if ray.is_finite() { reach.max(ray) } else { reach };
-                }
+            self.length[group] = length.store();
+            let scale = if PARALLEL {
+                reach = length.or(finite.ge(length), zero).max(reach);
                 [v[0].mul(along[0]), v[1].mul(along[1]), v[2].mul(along[2])]
             } else {
                 inverse(v, length)
             };
-            for k in 0..3 {
-                scale[k][group] = s[k].store();
+            for (numbers, scale) in self.scale.iter_mut().zip(scale) {
+                numbers[group] = scale.store();
             }
         }
-        let beam = if PARALLEL {
-            Beam::along::<L>(direction, &vector, groups)
+        self.beam = if PARALLEL {
+            Beam::along::<L>(self.direction, &self.picked.vector, groups)
         } else {
-            Beam::around_point::<L>(&vector, groups)
+            Beam::around_point::<L>(&self.picked.vector, groups)
         };
+        self.reach = reach.greatest();
         let along = store(along);
-        let inverse = [along[0][0], along[1][0], along[2][0]];
-        let count = picked.count;
-        Self { origin, direction, vector, scale, length: lengths, inverse, beam, reach, count }
+        self.inverse = [along[0][0], along[1][0], along[2][0]];
     }
 
     /// Every ray's bit.
     pub(super) fn all(&self) -> u64 {
-        low_bits(self.count)
+        low_bits(self.picked.count())
     }
 
-    /// Some of the rays in another frame, given how that maps points and vectors, and where they were picked.
+    /// No rays yet, in another frame.
     #[inline(always)]
-    pub(super) fn mapped<L: Lanes>(
-        &self,
-        mut rays: u64,
-        point: impl Fn([f32; 3]) -> [f32; 3],
-        vector: impl Fn([f32; 3]) -> [f32; 3],
-    ) -> (Self, Picked) {
-        let mut picked = Picked::new();
-        while rays != 0 {
-            let ray = rays.trailing_zeros() as usize;
-            rays &= rays - 1;
-            let (group, lane) = (ray / WIDTH, ray % WIDTH);
-            let [x, y, z] = &self.vector;
-            picked.push(vector([x[group][lane], y[group][lane], z[group][lane]]), ray);
-        }
-        (Self::new::<L>(point(self.origin), vector(self.direction), &picked), picked)
+    pub(super) fn turned(&self, to: &ToObject) -> Self {
+        Self::empty(to.point(self.origin), to.vector(self.direction))
     }
 
     #[inline(always)]
@@ -330,28 +336,4 @@ pub(super) fn farthest_first(
         count += 1;
     }
     (order, count)
-}
-
-/// Bit g is set where any of rays 8g to 8g + 7 is.
-#[inline(always)]
-pub(super) fn groups(rays: u64) -> u32 {
-    // Gathers each byte's bits in its lowest, then those in the highest byte.
-    let mut any = rays | rays >> 4;
-    any |= any >> 2;
-    any |= any >> 1;
-    ((any & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080) >> 56) as u32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn groups_are_the_bytes_with_any_bit() {
-        for rays in [0, 1, u64::MAX, 0x8000_0000_0000_0000, 0x0040_0000_0200_8000, 1 << 17] {
-            let expected =
-                (0..GROUPS).filter(|g| rays >> (8 * g) & 0xff != 0).fold(0, |m, g| m | 1 << g);
-            assert_eq!(groups(rays), expected, "{rays:x}");
-        }
-    }
 }

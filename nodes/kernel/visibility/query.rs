@@ -2,9 +2,10 @@
 
 use super::blocking::Blocker;
 use super::hierarchy::Leaf;
-use super::packet::{self, Packet};
-use super::picked::Picked;
+use super::packet::{self, Packet, Turned};
+use super::picked::{GROUPS, Source};
 use super::single::{self, Ray, Sink};
+use super::triangle::{Three, load, splat, sub};
 use super::world::{Placed, World};
 use super::{Ends, Filter, Hit};
 use crate::kernel::lanes::{Lanes, Portable, WIDTH, prefetch};
@@ -206,19 +207,13 @@ impl<const PARALLEL: bool> Query for Bundle<'_, PARALLEL> {
         let faces =
             if PARALLEL { [active, 0, 0, 0, 0, 0] } else { faces::<L>(ends, origin, active) };
         let mut blocked = 0;
-        for mut rays in faces {
+        for rays in faces {
             if rays == 0 {
                 continue;
             }
-            let mut picked = Picked::new();
-            while rays != 0 {
-                let ray = rays.trailing_zeros() as usize;
-                rays &= rays - 1;
-                let v =
-                    [ends.xs[ray] - origin[0], ends.ys[ray] - origin[1], ends.zs[ray] - origin[2]];
-                picked.push(v, ray);
-            }
-            let packet = Packet::<PARALLEL>::new::<L>(origin, direction, &picked);
+            let source = FromPoint { ends, origin };
+            let mut packet = Packet::<PARALLEL>::empty(origin, direction);
+            packet.pick::<L>(rays, &source);
             let most = Cell::new(Blocker::default());
             let leaves = Places { world, packet: &packet, filter, most: &most };
             let known = match blocker.rays {
@@ -228,10 +223,26 @@ impl<const PARALLEL: bool> Query for Bundle<'_, PARALLEL> {
             let left = packet.all() & !known;
             let World { nodes, root, bounds, .. } = world;
             let found = packet.walk::<L>((nodes, *root, bounds), left, &leaves);
-            blocked |= picked.places(known | found);
+            blocked |= packet.picked.back(known | found);
             *blocker = most.get();
         }
         blocked
+    }
+}
+
+/// Points as vectors from `origin`.
+pub(super) struct FromPoint<'a> {
+    pub(super) ends: &'a Ends,
+    pub(super) origin: [f32; 3],
+}
+
+impl Source for FromPoint<'_> {
+    #[inline(always)]
+    fn vectors<L: Lanes>(&self, group: usize) -> Three<L> {
+        let Ends { xs, ys, zs } = self.ends;
+        let group = group % GROUPS;
+        let [x, y, z] = [xs, ys, zs].map(|axis| &axis.as_chunks().0[group]);
+        sub(load([x, y, z]), splat(self.origin))
     }
 }
 
@@ -275,8 +286,9 @@ impl<const PARALLEL: bool> Places<'_, PARALLEL> {
         let Some(to) = &placed.to_object else {
             return self.trace::<L>((instance, placed), only, self.packet, rays);
         };
-        let (packet, picked) = self.packet.mapped::<L>(rays, |p| to.point(p), |v| to.vector(v));
-        picked.places(self.trace::<L>((instance, placed), only, &packet, packet.all()))
+        let mut packet = self.packet.turned(to);
+        packet.pick::<L>(rays, &Turned { picked: &self.packet.picked, to });
+        packet.picked.back(self.trace::<L>((instance, placed), only, &packet, packet.all()))
     }
 
     #[inline(always)]

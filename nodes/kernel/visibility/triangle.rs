@@ -33,7 +33,7 @@ fn cross<L: Lanes>(a: Three<L>, b: Three<L>) -> Three<L> {
 }
 
 #[inline(always)]
-fn sub<L: Lanes>(a: Three<L>, b: Three<L>) -> Three<L> {
+pub(super) fn sub<L: Lanes>(a: Three<L>, b: Three<L>) -> Three<L> {
     [a[0].sub(b[0]), a[1].sub(b[1]), a[2].sub(b[2])]
 }
 

@@ -5,7 +5,9 @@ use super::hierarchy::{Blas, Bounds, Build, LEAF, Node};
 use super::nearest::NearestFrom;
 use super::query::{Blocked, Bundle, Closest, dispatch};
 use super::single::Ray;
+use super::triangle::{Three, dot, splat};
 use super::{Ends, Filter, Hit, Hits, build};
+use crate::kernel::lanes::Lanes;
 use glam::{Affine3A, DMat3, Vec3};
 use std::sync::Arc;
 
@@ -70,6 +72,13 @@ impl ToObject {
     #[inline(always)]
     pub(super) fn vector(&self, v: [f32; 3]) -> [f32; 3] {
         self.rows.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2])
+    }
+
+    /// Eight vectors, each to the bit as [`ToObject::vector`] gives it.
+    #[inline(always)]
+    pub(super) fn vectors<L: Lanes>(&self, v: Three<L>) -> Three<L> {
+        let [x, y, z] = self.rows;
+        [dot(splat(x), v), dot(splat(y), v), dot(splat(z), v)]
     }
 
     #[inline(always)]
