@@ -60,7 +60,7 @@ const BATCH: usize = 256;
 
 impl Node for GatherLights {
     const KIND: &'static str = "GatherLights";
-    const VERSION: u32 = 4;
+    const VERSION: u32 = 5;
     type In = GatherLightsIn;
     type Out = Lights;
 

@@ -17,6 +17,7 @@ pub mod light_tensor;
 pub mod mapper;
 pub mod meshes;
 pub mod metrics;
+pub mod morton;
 pub mod neighbours;
 pub mod nine_vectors;
 pub mod pages;

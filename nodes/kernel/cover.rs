@@ -1,8 +1,10 @@
 //! How much surface lies around a point, by samples that cover all surfaces evenly.
 
+mod patch_tree;
+
 use crate::node::Error;
 use glam::Vec3;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
+use patch_tree::PatchTree;
 use std::f32::consts::PI;
 
 /// Cosine between normals from which on two points lie on the same side of a surface.
@@ -41,43 +43,22 @@ impl Patch {
     }
 }
 
-/// Samples in kd-trees: all of them, every second, every fourth and so on, so that no disc has to look at many.
+/// Samples in trees: all of them, every second, every fourth and so on, so that no disc has to look at many.
 pub struct Cover {
     levels: Vec<Level>,
 }
 
 struct Level {
-    patches: Vec<Patch>,
-    tree: ImmutableKdTree<f32, 3>,
+    tree: PatchTree,
     /// Area of a sample on average.
     mean: f32,
 }
 
 impl Level {
-    fn new(patches: Vec<Patch>) -> Result<Self, Error> {
-        let points: Vec<[f32; 3]> = patches.iter().map(|patch| patch.position.to_array()).collect();
-        if points.as_flattened().iter().any(|x| !x.is_finite()) {
-            return Err(Error::invalid("a sample's position is not finite"));
-        }
-        let failed = |e| Error::invalid(format!("the samples cannot be put in a kd-tree: {e:?}"));
-        let tree = ImmutableKdTree::new_from_slice(&points).map_err(failed)?;
+    fn new(patches: Vec<Patch>) -> Self {
         let sum: f64 = patches.iter().map(|patch| f64::from(patch.area)).sum();
         let mean = (sum / patches.len() as f64) as f32;
-        Ok(Level { patches, tree, mean })
-    }
-
-    /// Area of the samples on the surface around `at`.
-    fn area(&self, at: &Patch, squared: f32) -> f32 {
-        let around = self
-            .tree
-            .query(&at.position.to_array())
-            .within::<SquaredEuclidean<f32>>(squared)
-            .unsorted()
-            .execute();
-        let radius = squared.sqrt();
-        let shared = |patch: &&Patch| at.shares(patch.position, patch.normal, radius);
-        let patches = around.iter().map(|found| &self.patches[found.item as usize]);
-        patches.filter(shared).map(|patch| patch.area).sum()
+        Level { tree: PatchTree::new(patches), mean }
     }
 }
 
@@ -87,11 +68,14 @@ impl Cover {
     /// # Errors
     /// When a position is not finite.
     pub fn new(patches: Vec<Patch>) -> Result<Self, Error> {
+        if patches.iter().any(|patch| !patch.position.is_finite()) {
+            return Err(Error::invalid("a sample's position is not finite"));
+        }
         let mut levels = Vec::new();
         let mut stride = 1;
         while stride == 1 && !patches.is_empty() || patches.len() / stride > ENOUGH as usize {
             let larger = |patch: &Patch| Patch { area: patch.area * stride as f32, ..*patch };
-            levels.push(Level::new(patches.iter().step_by(stride).map(larger).collect())?);
+            levels.push(Level::new(patches.iter().step_by(stride).map(larger).collect()));
             stride *= 2;
         }
         Ok(Cover { levels })
@@ -108,7 +92,7 @@ impl Cover {
         let Some(level) = enough.or_else(|| self.levels.first().filter(holds(FEW))) else {
             return disc;
         };
-        let area = level.area(at, squared);
+        let area = level.tree.area(at, squared);
         // More than chance makes of a whole disc: there are layers, of which others may be dark.
         let layered = area > disc * (1.0 + 2.0 * (level.mean / disc).sqrt());
         if layered { disc } else { area.max(LEAST * disc) }

@@ -2,6 +2,7 @@
 //! (Hašan et al. 2008, section 4.2), with visibility by rays.
 
 use super::element::{Light, Receiver, element, faces};
+use super::morton;
 use super::stage::Stage;
 use super::tile::Tile;
 use super::visibility::{Blocker, Ends};
@@ -41,13 +42,13 @@ impl<'a> RayTensor<'a> {
     pub fn new(stage: &'a Stage, lights: &Lights) -> Self {
         let lights: Vec<Light> = (0..lights.kind.len()).map(|j| Light::at(lights, j)).collect();
         let geometry = stage.geometry();
-        let code = |light: &Light| match light.kind {
-            LightKind::Directional => (1, morton(light.direction * 0.5 + 0.5)),
-            _ => (0, morton((light.position - geometry.centre) / geometry.diagonal + 0.5)),
+        let key = |light: &Light| match light.kind {
+            LightKind::Directional => (1, code(light.direction * 0.5 + 0.5)),
+            _ => (0, code((light.position - geometry.centre) / geometry.diagonal + 0.5)),
         };
         let mut order: Vec<u32> = (0..lights.len() as u32).collect();
         order.retain(|&j| lights[j as usize].emission != Vec3::ZERO);
-        order.sort_by_cached_key(|&j| code(&lights[j as usize]));
+        order.sort_by_cached_key(|&j| key(&lights[j as usize]));
         let far = 4.0 * geometry.diagonal;
         RayTensor { stage, lights, order, far }
     }
@@ -168,16 +169,9 @@ impl Packet {
     }
 }
 
-/// Interleaved bits of a point in the unit cube: close points have close codes.
-fn morton(point: Vec3) -> u32 {
-    let spread = |x: f32| {
-        let mut bits = (x.clamp(0.0, 1.0) * 1023.0) as u32;
-        bits = (bits | bits << 16) & 0x0300_00ff;
-        bits = (bits | bits << 8) & 0x0300_f00f;
-        bits = (bits | bits << 4) & 0x030c_30c3;
-        (bits | bits << 2) & 0x0924_9249
-    };
-    spread(point.x) | spread(point.y) << 1 | spread(point.z) << 2
+/// The Morton code of a point in the unit cube, ten bits an axis.
+fn code(point: Vec3) -> u64 {
+    morton::code(point.to_array().map(|x| (x.clamp(0.0, 1.0) * 1023.0) as u32))
 }
 
 #[cfg(test)]
@@ -207,13 +201,5 @@ mod tests {
             }
         }
         assert!(lit > 1000 && dark > 1000, "the scene must have light and shadow: {lit} {dark}");
-    }
-
-    #[test]
-    fn codes_keep_neighbours_together() {
-        assert_eq!(morton(Vec3::ZERO), 0);
-        assert_eq!(morton(Vec3::ONE), (1 << 30) - 1);
-        assert!(morton(Vec3::splat(0.25)) < morton(Vec3::splat(0.75)));
-        assert_eq!(morton(Vec3::new(1.0 / 1023.0, 0.0, 0.0)), 1);
     }
 }

@@ -1,13 +1,14 @@
 //! Candidates in cells as wide as the distance within which they see each other.
 
 use super::Place;
+use crate::kernel::morton;
 use glam::Vec3;
 use rayon::prelude::*;
 
 /// Facets whose normals have a smaller cosine than this face apart. A right angle is well above it.
 const SAME_SIDE: f32 = -0.1;
-/// Cells along an axis at most: three numbers below it fill a key.
-const CELLS: u32 = 1 << 21;
+/// Cells along an axis at most.
+const CELLS: u32 = 1 << morton::BITS;
 
 /// Places sorted by cell; a place is named by its slot in this order.
 pub struct Grid {
@@ -34,7 +35,7 @@ impl Grid {
         let width = (largest / (CELLS - 2) as f32).max(1.0);
         let mut order: Vec<(u64, u32)> = places
             .par_iter()
-            .map(|place| key((place.position / width).to_array().map(|x| x as u32)))
+            .map(|place| morton::code((place.position / width).to_array().map(|x| x as u32)))
             .zip(0..places.len() as u32)
             .collect();
         order.par_sort_unstable();
@@ -132,20 +133,6 @@ impl Live {
             }
         }
     }
-}
-
-/// The bits of three coordinates interleaved, so that near cells are mostly near in memory.
-fn key(cell: [u32; 3]) -> u64 {
-    let spread = |x: u32| {
-        let x = u64::from(x.min(CELLS - 1));
-        let x = (x | x << 32) & 0x001f_0000_0000_ffff;
-        let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-        let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-        let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-        (x | x << 2) & 0x1249_2492_4924_9249
-    };
-    let [x, y, z] = cell.map(spread);
-    x | y << 1 | z << 2
 }
 
 /// Where a key is in a list of keys: open addressing.

@@ -9,6 +9,7 @@
 use super::super::hierarchy::{Bound, SurfelSet};
 use super::disc::{Disc, corners, discs, sphere};
 use super::{ARITY, Built, Part, Topology};
+use crate::kernel::morton;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::ops::Range;
@@ -133,27 +134,17 @@ fn sort(discs: &mut Vec<Disc>) -> Vec<u64> {
     let [low, high] = corners(discs);
     let origin = low.as_dvec3();
     let side = (high.as_dvec3() - origin).max_element();
-    let cells = if side > 0.0 { f64::from(1 << 21) / side } else { 0.0 };
+    let cells = if side > 0.0 { f64::from(1 << morton::BITS) / side } else { 0.0 };
     let mut keys: Vec<(u64, u32)> = discs
         .par_iter()
         .map(|d| {
             let at = (d.position.as_dvec3() - origin) * cells;
-            let [x, y, z] = at.to_array().map(|c| spread((c as u64).min((1 << 21) - 1)));
-            (x | y << 1 | z << 2, d.surfel)
+            (morton::code(at.to_array().map(|c| c as u32)), d.surfel)
         })
         .collect();
     keys.par_sort_unstable();
     *discs = keys.par_iter().map(|&(_, surfel)| discs[surfel as usize]).collect();
     keys.into_iter().map(|(code, _)| code).collect()
-}
-
-/// Bit i of a number of 21 bits moved to bit 3 i.
-fn spread(x: u64) -> u64 {
-    let x = (x | x << 32) & 0x001f_0000_0000_ffff;
-    let x = (x | x << 16) & 0x001f_0000_ff00_00ff;
-    let x = (x | x << 8) & 0x100f_00f0_0f00_f00f;
-    let x = (x | x << 4) & 0x10c3_0c30_c30c_30c3;
-    (x | x << 2) & 0x1249_2492_4924_9249
 }
 
 /// Divides a range of at least two surfels by the first level of cells that tells some of them apart; without one in equal runs.
@@ -249,13 +240,5 @@ mod tests {
             pool.install(|| build(&surfels))
         };
         assert!(on(1) == on(3));
-    }
-
-    #[test]
-    fn spread_moves_bits() {
-        for i in 0..21 {
-            assert_eq!(spread(1 << i), 1 << (3 * i));
-        }
-        assert_eq!(spread((1 << 21) - 1), 0x1249_2492_4924_9249);
     }
 }
