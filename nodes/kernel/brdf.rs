@@ -1,5 +1,6 @@
 //! How surfaces reflect: glTF 2.0's metallic-roughness model, appendix B.3.5.
 
+use super::lanes::{Real, Triple};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -22,39 +23,72 @@ impl Reflectance {
     /// normal's side. Zero for directions below the surface.
     #[inline]
     pub fn brdf(&self, normal: Vec3, to_eye: Vec3, to_light: Vec3) -> Vec3 {
+        let [normal, to_eye, to_light] = [normal, to_eye, to_light].map(Triple::splat);
+        ReflectanceLanes::<f32>::splat(self).brdf(normal, to_eye, to_light).into()
+    }
+}
+
+/// A [`Reflectance`], or one a lane.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ReflectanceLanes<R> {
+    /// Diffuse reflectance, linear RGB.
+    pub albedo: Triple<R>,
+    /// Specular reflectance at normal incidence, linear RGB.
+    pub specular: Triple<R>,
+    /// Perceptual roughness.
+    pub roughness: R,
+}
+
+impl<R: Real> ReflectanceLanes<R> {
+    /// The same in every lane.
+    #[inline(always)]
+    pub fn splat(of: &Reflectance) -> Self {
+        let [albedo, specular] = [of.albedo, of.specular].map(Triple::splat);
+        ReflectanceLanes { albedo, specular, roughness: R::splat(of.roughness) }
+    }
+
+    /// What [`Reflectance::brdf`] says, lane by lane.
+    #[inline(always)]
+    pub fn brdf(&self, normal: Triple<R>, to_eye: Triple<R>, to_light: Triple<R>) -> Triple<R> {
+        let [zero, one] = [0.0, 1.0].map(R::splat);
         let cos_light = normal.dot(to_light);
         let cos_eye = normal.dot(to_eye);
-        if cos_light <= 0.0 || cos_eye <= 0.0 {
-            return Vec3::ZERO;
+        let above = cos_light.gt(zero) & cos_eye.gt(zero);
+        let dark = Triple::splat(Vec3::ZERO);
+        let matte = self.albedo.over(R::splat(PI));
+        let strongest = self.specular.x.max(self.specular.y.max(self.specular.z));
+        let shiny = strongest.gt(zero);
+        if shiny & above == 0 {
+            return matte.or(above, dark);
         }
-        if self.specular == Vec3::ZERO {
-            return self.albedo / PI;
-        }
-        let half = (to_eye + to_light).normalize_or(normal);
-        let grazing = (1.0 - to_eye.dot(half)).clamp(0.0, 1.0);
+        let half = to_eye.plus(to_light).normalized_or(normal);
+        let grazing = (one - to_eye.dot(half)).max(zero).min(one);
         let schlick = grazing * grazing * grazing * grazing * grazing;
         // Reflectance at grazing angles is 1 for every real surface and fades with the dielectric's
         // strength, whose normal incidence is 4 % of it.
-        let edge = (self.specular.max_element() * 25.0).min(1.0);
-        let fresnel = self.specular + (Vec3::splat(edge) - self.specular).max(Vec3::ZERO) * schlick;
-        let dielectric = edge * (0.04 + 0.96 * schlick);
-        self.albedo * ((1.0 - dielectric) / PI)
-            + fresnel * self.lobe(normal.dot(half), cos_eye, cos_light)
+        let edge = (strongest * R::splat(25.0)).min(one);
+        let rise = Triple { x: edge, y: edge, z: edge }.minus(self.specular).at_least(zero);
+        let fresnel = self.specular.plus(rise.times(schlick));
+        let dielectric = edge * (R::splat(0.04) + R::splat(0.96) * schlick);
+        let diffuse = self.albedo.times((one - dielectric) / R::splat(PI));
+        let lobe = lobe(self.roughness, normal.dot(half), cos_eye, cos_light);
+        diffuse.plus(fresnel.times(lobe)).or(shiny, matte).or(above, dark)
     }
+}
 
-    /// Trowbridge-Reitz distribution times the height-correlated Smith visibility.
-    #[inline]
-    fn lobe(&self, cos_half: f32, cos_eye: f32, cos_light: f32) -> f32 {
-        let alpha = (self.roughness * self.roughness).max(MIN_ALPHA);
-        let a2 = alpha * alpha;
-        // 1 - cos^2 (1 - a^2), written so that the peak keeps its precision.
-        let sin2 = (1.0 - cos_half * cos_half).max(0.0);
-        let base = sin2 + cos_half * cos_half * a2;
-        let distribution = a2 / (PI * base * base).max(f32::MIN_POSITIVE);
-        let light = cos_eye * (cos_light * cos_light * (1.0 - a2) + a2).sqrt();
-        let eye = cos_light * (cos_eye * cos_eye * (1.0 - a2) + a2).sqrt();
-        distribution * 0.5 / (light + eye).max(f32::MIN_POSITIVE)
-    }
+/// Trowbridge-Reitz distribution times the height-correlated Smith visibility.
+#[inline(always)]
+fn lobe<R: Real>(roughness: R, cos_half: R, cos_eye: R, cos_light: R) -> R {
+    let [zero, one, least] = [0.0, 1.0, f32::MIN_POSITIVE].map(R::splat);
+    let alpha = (roughness * roughness).max(R::splat(MIN_ALPHA));
+    let a2 = alpha * alpha;
+    // 1 - cos^2 (1 - a^2), written so that the peak keeps its precision.
+    let sin2 = (one - cos_half * cos_half).max(zero);
+    let base = sin2 + cos_half * cos_half * a2;
+    let distribution = a2 / (R::splat(PI) * base * base).max(least);
+    let light = cos_eye * (cos_light * cos_light * (one - a2) + a2).sqrt();
+    let eye = cos_light * (cos_eye * cos_eye * (one - a2) + a2).sqrt();
+    distribution * R::splat(0.5) / (light + eye).max(least)
 }
 
 #[cfg(test)]
@@ -93,14 +127,14 @@ mod tests {
     fn the_distribution_projects_to_one() {
         // The integral of D cos over the hemisphere is 1 by definition; `lobe` holds D and the
         // masking, so divide the masking out at normal incidence by its known value.
-        let surface = Reflectance { specular: Vec3::ONE, roughness: 0.6, ..Reflectance::default() };
         let alpha: f64 = 0.36;
         let steps = 20_000;
         let mut sum = 0.0_f64;
         for i in 0..steps {
             let cos = (f64::from(i) + 0.5) / f64::from(steps);
             let masking = 0.5 / (2.0 * (1.0 - alpha * alpha + alpha * alpha).sqrt());
-            sum += f64::from(surface.lobe(cos as f32, 1.0, 1.0)) / masking * cos / f64::from(steps);
+            sum +=
+                f64::from(lobe(0.6_f32, cos as f32, 1.0, 1.0)) / masking * cos / f64::from(steps);
         }
         assert!((2.0 * std::f64::consts::PI * sum - 1.0).abs() < 1e-3, "{sum}");
     }

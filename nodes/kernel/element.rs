@@ -1,8 +1,12 @@
 //! One element of the lighting tensor: A(i, j, k), what light j adds to the radiance of surface
 //! sample i (Hašan et al. 2008, section 4.2), and the shadow ray that decides whether it does.
 //!
-//! Rows, columns, the shading of gather samples and the brute-force reference all call [`element`],
+//! Rows, columns, the shading of gather samples and the brute-force reference all call the same `formula`,
 //! so that an approximation is compared with exactly what it approximates.
+
+mod formula;
+
+pub use formula::{LightLanes, ReceiverLanes};
 
 use super::brdf::Reflectance;
 use crate::data::{DeepFramebuffer, LightKind, Lights, NONE};
@@ -96,66 +100,16 @@ impl Light {
     }
 }
 
-/// Unit vector from `receiver` to the light and its irradiance factor there before the receiver's
-/// cosine: intensity falloff over distance squared. None when nothing arrives.
-#[inline]
-fn arrive(receiver: &Receiver, light: &Light) -> Option<(Vec3, f32)> {
-    if light.kind == LightKind::Directional {
-        return Some((-light.direction, 1.0));
-    }
-    let to_light = light.position - receiver.position;
-    let squared = to_light.length_squared();
-    // A light on the sample itself has no direction, and one closer than the square root of the
-    // smallest number none that is finite: nothing arrives from it.
-    if squared < f32::MIN_POSITIVE {
-        return None;
-    }
-    let unit = to_light / squared.sqrt();
-    let cosine = -light.direction.dot(unit);
-    let falloff = match light.kind {
-        LightKind::Cosine if cosine <= 0.0 => return None,
-        LightKind::Cosine => cosine,
-        LightKind::Spot => spot(cosine, light.cone)?,
-        _ => 1.0,
-    };
-    let bounded = squared.max(light.clamp * light.clamp).max(f32::MIN_POSITIVE);
-    Some((unit, falloff / bounded))
-}
-
-/// Falloff between the cones: the square of the linear interpolation of cosines.
-#[inline]
-fn spot(cosine: f32, cone: Vec2) -> Option<f32> {
-    let (inner, outer) = (cone.x, cone.y);
-    if cosine <= outer {
-        return None;
-    }
-    let linear = ((cosine - outer) / (inner - outer).max(1e-6)).min(1.0);
-    Some(linear * linear)
-}
-
 /// Whether `light` can add anything to `receiver` before visibility is asked: it emits, and each is
 /// on the other's bright side.
-#[inline]
 pub fn faces(receiver: &Receiver, light: &Light) -> bool {
-    light.emission != Vec3::ZERO
-        && arrive(receiver, light).is_some_and(|(unit, _)| {
-            receiver.normal.dot(unit) > 0.0 && receiver.facet.dot(unit) > 0.0
-        })
+    ReceiverLanes::<f32>::splat(receiver).faces(&LightLanes::splat(light)) != 0
 }
 
 /// Radiance, W/(m^2 sr), that `light` adds to `receiver` in the direction of the eye if nothing is
 /// between them: emission x falloff / max(r^2, clamp^2) x cosine x BRDF. Finite and not negative.
-#[inline]
 pub fn element(receiver: &Receiver, light: &Light) -> Vec3 {
-    let Some((unit, factor)) = arrive(receiver, light) else { return Vec3::ZERO };
-    let cosine = receiver.normal.dot(unit);
-    if cosine <= 0.0 || receiver.facet.dot(unit) <= 0.0 {
-        return Vec3::ZERO;
-    }
-    let brdf = receiver.reflectance.brdf(receiver.normal, receiver.to_eye, unit);
-    // Bounded twice: an infinite factor times a dark channel would be no number at all.
-    let most = Vec3::splat(f32::MAX);
-    (light.emission * (brdf * (factor * cosine)).min(most)).min(most)
+    ReceiverLanes::<f32>::splat(receiver).elements(&LightLanes::splat(light)).into()
 }
 
 #[cfg(test)]

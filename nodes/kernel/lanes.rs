@@ -1,40 +1,44 @@
 //! Eight `f32` at once: the children of a node, the triangles of a leaf, rays or receivers side by side. Every operation is the
 //! same IEEE operation in each implementation and none is fused, so an answer has the same bits on every instruction set.
 
-use glam::Vec3;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// Numbers side by side.
 pub const WIDTH: usize = 8;
 
-/// Eight `f32`. Masks have bit i set where lane i is meant.
-pub trait Lanes:
+/// One `f32` or several side by side: what is written for it holds for one sample as for eight, with the same bits. Masks have bit
+/// i set where lane i is meant; one number is lane 0.
+pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
-    /// Eight times the same.
+    /// The same in every lane.
     fn splat(value: f32) -> Self;
-    /// Eight from memory.
-    fn load(values: &[f32; WIDTH]) -> Self;
-    /// Eight to memory.
-    fn store(self) -> [f32; WIDTH];
     /// Square root by lane.
     fn sqrt(self) -> Self;
     /// The larger by lane, that of `other` if one is not a number.
     fn max(self, other: Self) -> Self;
     /// The smaller by lane, that of `other` if one is not a number.
     fn min(self, other: Self) -> Self;
-    /// Magnitude by lane.
-    fn abs(self) -> Self;
     /// The other sign by lane.
     fn negated(self) -> Self;
-    /// The other sign in the lanes in which `sign` has its sign bit set.
-    fn flip(self, sign: Self) -> Self;
     /// Where `self` is greater than `other`.
     fn gt(self, other: Self) -> u32;
     /// Where `self` is greater than or equal to `other`.
     fn ge(self, other: Self) -> u32;
     /// The lanes of `self` where the mask is set, those of `other` elsewhere.
     fn or(self, mask: u32, other: Self) -> Self;
+}
+
+/// Eight `f32`.
+pub trait Lanes: Real {
+    /// Eight from memory.
+    fn load(values: &[f32; WIDTH]) -> Self;
+    /// Eight to memory.
+    fn store(self) -> [f32; WIDTH];
+    /// Magnitude by lane.
+    fn abs(self) -> Self;
+    /// The other sign in the lanes in which `sign` has its sign bit set.
+    fn flip(self, sign: Self) -> Self;
     /// The least lane; anything if one is not a number.
     fn least(self) -> f32;
     /// The greatest lane; anything if one is not a number.
@@ -65,6 +69,41 @@ pub fn pressed(mask: u32) -> [u8; WIDTH] {
         all
     };
     ALL[mask as usize % ALL.len()]
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f32::sqrt(self)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self > other { self } else { other }
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
+    }
+    #[inline(always)]
+    fn negated(self) -> Self {
+        -self
+    }
+    #[inline(always)]
+    fn gt(self, other: Self) -> u32 {
+        u32::from(self > other)
+    }
+    #[inline(always)]
+    fn ge(self, other: Self) -> u32 {
+        u32::from(self >= other)
+    }
+    #[inline(always)]
+    fn or(self, mask: u32, other: Self) -> Self {
+        if mask & 1 == 1 { self } else { other }
+    }
 }
 
 /// Plain arrays, for every instruction set.
@@ -105,18 +144,10 @@ operators! { Portable(a, b):
     Div div std::array::from_fn(|i| a[i] / b[i])
 }
 
-impl Lanes for Portable {
+impl Real for Portable {
     #[inline(always)]
     fn splat(value: f32) -> Self {
         Self([value; WIDTH])
-    }
-    #[inline(always)]
-    fn load(values: &[f32; WIDTH]) -> Self {
-        Self(*values)
-    }
-    #[inline(always)]
-    fn store(self) -> [f32; WIDTH] {
-        self.0
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -131,16 +162,8 @@ impl Lanes for Portable {
         self.zip(other, |a, b| if a < b { a } else { b })
     }
     #[inline(always)]
-    fn abs(self) -> Self {
-        self.zip(self, |a, _| a.abs())
-    }
-    #[inline(always)]
     fn negated(self) -> Self {
         self.zip(self, |a, _| -a)
-    }
-    #[inline(always)]
-    fn flip(self, sign: Self) -> Self {
-        self.zip(sign, |a, s| f32::from_bits(a.to_bits() ^ (s.to_bits() & 0x8000_0000)))
     }
     #[inline(always)]
     fn gt(self, other: Self) -> u32 {
@@ -153,6 +176,25 @@ impl Lanes for Portable {
     #[inline(always)]
     fn or(self, mask: u32, other: Self) -> Self {
         Self(std::array::from_fn(|i| if mask >> i & 1 == 1 { self.0[i] } else { other.0[i] }))
+    }
+}
+
+impl Lanes for Portable {
+    #[inline(always)]
+    fn load(values: &[f32; WIDTH]) -> Self {
+        Self(*values)
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; WIDTH] {
+        self.0
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.zip(self, |a, _| a.abs())
+    }
+    #[inline(always)]
+    fn flip(self, sign: Self) -> Self {
+        self.zip(sign, |a, s| f32::from_bits(a.to_bits() ^ (s.to_bits() & 0x8000_0000)))
     }
     #[inline(always)]
     fn least(self) -> f32 {
@@ -177,6 +219,9 @@ pub use avx2::Avx2;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
+mod triple;
+
+pub use triple::Triple;
 
 /// Hints that all of `value` will be read soon.
 #[inline(always)]
@@ -194,60 +239,6 @@ pub fn prefetch<T: ?Sized>(value: &T) {
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = value;
-}
-
-/// Vectors side by side.
-#[derive(Clone, Copy)]
-pub struct Triple<L> {
-    /// First components.
-    pub x: L,
-    /// Second components.
-    pub y: L,
-    /// Third components.
-    pub z: L,
-}
-
-impl<L: Lanes> Triple<L> {
-    /// Eight times the same.
-    #[inline(always)]
-    pub fn splat(v: Vec3) -> Self {
-        Triple { x: L::splat(v.x), y: L::splat(v.y), z: L::splat(v.z) }
-    }
-
-    /// Products by lane, summed as glam does.
-    #[inline(always)]
-    pub fn dot(self, other: Self) -> L {
-        self.x * other.x + self.y * other.y + self.z * other.z
-    }
-
-    /// Differences by lane.
-    #[inline(always)]
-    pub fn minus(self, other: Self) -> Self {
-        Triple { x: self.x - other.x, y: self.y - other.y, z: self.z - other.z }
-    }
-
-    /// Quotients by lane.
-    #[inline(always)]
-    pub fn over(self, divisor: L) -> Self {
-        Triple { x: self.x / divisor, y: self.y / divisor, z: self.z / divisor }
-    }
-
-    /// One vector a lane from memory.
-    #[inline(always)]
-    pub fn load(vectors: &[Vec3; WIDTH]) -> Self {
-        Triple {
-            x: L::load(&vectors.map(|v| v.x)),
-            y: L::load(&vectors.map(|v| v.y)),
-            z: L::load(&vectors.map(|v| v.z)),
-        }
-    }
-
-    /// One vector a lane to memory.
-    #[inline(always)]
-    pub fn store(self) -> [Vec3; WIDTH] {
-        let (x, y, z) = (self.x.store(), self.y.store(), self.z.store());
-        std::array::from_fn(|i| Vec3::new(x[i], y[i], z[i]))
-    }
 }
 
 #[cfg(test)]

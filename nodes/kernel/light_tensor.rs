@@ -1,7 +1,8 @@
 //! The lighting tensor of one frame, element by element, row by row, column by column
 //! (Hašan et al. 2008, section 4.2), with visibility by rays.
 
-use super::element::{Light, Receiver, element, faces};
+use super::element::{Light, LightLanes, Receiver, ReceiverLanes, element, faces};
+use super::lanes::{Lanes, Portable, WIDTH};
 use super::morton;
 use super::stage::Stage;
 use super::tile::Tile;
@@ -18,13 +19,7 @@ pub trait LightTensor {
     fn row(&self, receiver: &Receiver, row: &mut [Vec3]);
     /// That of light `j` on the receivers of a tile, into `column`; gives which of them it reaches. A tile that the
     /// light does not reach at all leaves `column` as it was. `blocker` is what hid the light from the tile before.
-    fn column(
-        &self,
-        light: usize,
-        tile: &Tile<'_>,
-        blocker: &mut Blocker,
-        column: &mut [Vec3],
-    ) -> u64;
+    fn column(&self, light: usize, tile: &Tile, blocker: &mut Blocker, column: &mut [Vec3]) -> u64;
 }
 
 /// The lighting tensor by rays on the CPU. Rows and columns trace packets that share their end point.
@@ -32,7 +27,7 @@ pub struct RayTensor<'a> {
     stage: &'a Stage,
     lights: Vec<Light>,
     /// Lights that emit, in an order in which neighbours are close.
-    order: Vec<u32>,
+    groups: Vec<Group>,
     /// Distance at which a directional light is taken to stand, metres.
     far: f32,
 }
@@ -49,8 +44,10 @@ impl<'a> RayTensor<'a> {
         let mut order: Vec<u32> = (0..lights.len() as u32).collect();
         order.retain(|&j| lights[j as usize].emission != Vec3::ZERO);
         order.sort_by_cached_key(|&j| key(&lights[j as usize]));
+        let group = |index: &[u32]| Group::new(&lights, index);
+        let groups = order.chunks(WIDTH).map(group).collect();
         let far = 4.0 * geometry.diagonal;
-        RayTensor { stage, lights, order, far }
+        RayTensor { stage, lights, groups, far }
     }
 
     /// Number of lights.
@@ -59,7 +56,7 @@ impl<'a> RayTensor<'a> {
     }
 
     /// Receivers as [`LightTensor::column`] takes them.
-    pub fn tile<'r>(&self, receivers: &'r [Receiver]) -> Tile<'r> {
+    pub fn tile(&self, receivers: &[Receiver]) -> Tile {
         Tile::new(receivers, self.stage.bias())
     }
 
@@ -86,10 +83,12 @@ impl LightTensor for RayTensor<'_> {
         row.fill(Vec3::ZERO);
         let start = receiver.lifted(self.stage.bias());
         let (mut packet, mut blocker) = (Packet::new(), Blocker::default());
-        for &j in &self.order {
-            let light = &self.lights[j as usize];
-            if faces(receiver, light) {
-                packet.push(j, self.end(start, light));
+        for group in &self.groups {
+            let facing = group.facing(receiver);
+            for (_, &j) in
+                group.index.iter().enumerate().filter(|(lane, _)| facing >> lane & 1 == 1)
+            {
+                packet.push(j, self.end(start, &self.lights[j as usize]));
                 if packet.is_full() {
                     packet.visible(
                         |ends, active| self.stage.occluded_from(start, ends, active, &mut blocker),
@@ -108,13 +107,7 @@ impl LightTensor for RayTensor<'_> {
         );
     }
 
-    fn column(
-        &self,
-        light: usize,
-        tile: &Tile<'_>,
-        blocker: &mut Blocker,
-        column: &mut [Vec3],
-    ) -> u64 {
+    fn column(&self, light: usize, tile: &Tile, blocker: &mut Blocker, column: &mut [Vec3]) -> u64 {
         let light = &self.lights[light];
         let facing = tile.facing(light);
         if facing == 0 {
@@ -126,12 +119,45 @@ impl LightTensor for RayTensor<'_> {
         };
         let lit = facing & !blocked;
         if lit != 0 {
-            for (i, (element, receiver)) in column.iter_mut().zip(tile.receivers).enumerate() {
-                let reached = lit >> i & 1 == 1;
-                *element = if reached { self::element(receiver, light) } else { Vec3::ZERO };
-            }
+            tile.shade(light, lit, column);
         }
         lit
+    }
+}
+
+/// Up to eight lights, side by side, and their numbers.
+struct Group {
+    lights: LightLanes<[f32; WIDTH]>,
+    index: [u32; WIDTH],
+}
+
+impl Group {
+    fn new(lights: &[Light], index: &[u32]) -> Self {
+        let members: Vec<Light> = index.iter().map(|&j| lights[j as usize]).collect();
+        // Lanes without a light emit nothing, so that their number is never asked for.
+        let index = std::array::from_fn(|lane| index.get(lane).copied().unwrap_or(u32::MAX));
+        Group { lights: LightLanes::of(&members), index }
+    }
+
+    /// Bit i is what [`faces`] says of a receiver and light i.
+    fn facing(&self, receiver: &Receiver) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has just been found to have what the function is compiled for.
+            return unsafe { self.facing_with_avx2(receiver) };
+        }
+        self.facing_lanes::<Portable>(receiver)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn facing_with_avx2(&self, receiver: &Receiver) -> u32 {
+        self.facing_lanes::<super::lanes::Avx2>(receiver)
+    }
+
+    #[inline(always)]
+    fn facing_lanes<L: Lanes>(&self, receiver: &Receiver) -> u32 {
+        ReceiverLanes::<L>::splat(receiver).faces(&self.lights.lanes())
     }
 }
 

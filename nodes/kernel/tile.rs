@@ -1,38 +1,24 @@
 //! Up to 64 receivers side by side: a tile of a picture, as columns of the lighting tensor are asked for.
 
-use super::element::{Light, Receiver};
+use super::element::{Light, LightLanes, Receiver, ReceiverLanes};
+use super::lanes::{Lanes, Portable, Triple, WIDTH};
 use super::visibility::Ends;
-use crate::data::LightKind;
 use glam::Vec3;
 
 /// Receivers that are lit together.
-pub struct Tile<'a> {
-    /// The receivers themselves; at most 64.
-    pub receivers: &'a [Receiver],
+pub struct Tile {
     /// Where their shadow rays start, world space, metres.
     pub lifted: Ends,
-    position: Ends,
-    normal: Ends,
-    facet: Ends,
+    groups: Vec<ReceiverLanes<[f32; WIDTH]>>,
 }
 
-impl<'a> Tile<'a> {
+impl Tile {
     /// The first 64 of `receivers`, whose shadow rays start `bias` metres off their surface.
-    pub fn new(receivers: &'a [Receiver], bias: f32) -> Self {
+    pub fn new(receivers: &[Receiver], bias: f32) -> Self {
         let receivers = &receivers[..receivers.len().min(Ends::CAPACITY)];
-        // The points beyond the last receiver have no normal and so face nothing.
-        let each = |of: &dyn Fn(&Receiver) -> Vec3| {
-            let mut ends = Ends::new();
-            receivers.iter().enumerate().for_each(|(i, receiver)| ends.set(i, of(receiver)));
-            ends
-        };
-        Tile {
-            receivers,
-            lifted: each(&|receiver| receiver.lifted(bias)),
-            position: each(&|receiver| receiver.position),
-            normal: each(&|receiver| receiver.normal),
-            facet: each(&|receiver| receiver.facet),
-        }
+        let mut lifted = Ends::new();
+        receivers.iter().enumerate().for_each(|(i, receiver)| lifted.set(i, receiver.lifted(bias)));
+        Tile { lifted, groups: receivers.chunks(WIDTH).map(ReceiverLanes::of).collect() }
     }
 
     /// Which receivers `light` can add anything to before visibility is asked: bit i is what [`faces`] says of
@@ -40,73 +26,74 @@ impl<'a> Tile<'a> {
     ///
     /// [`faces`]: super::element::faces
     pub fn facing(&self, light: &Light) -> u64 {
-        if light.emission == Vec3::ZERO {
-            return 0;
-        }
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has just been found to have what the function is compiled for.
             return unsafe { self.facing_with_avx2(light) };
         }
-        self.facing_lanes(light)
+        self.facing_lanes::<Portable>(light)
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
     fn facing_with_avx2(&self, light: &Light) -> u64 {
-        self.facing_lanes(light)
+        self.facing_lanes::<super::lanes::Avx2>(light)
     }
 
-    /// The sums and quotients of [`arrive`](super::element) in their order, so that no receiver is judged otherwise.
     #[inline(always)]
-    fn facing_lanes(&self, light: &Light) -> u64 {
-        let (p, n, f) = (&self.position, &self.normal, &self.facet);
-        let mut facing = [false; Ends::CAPACITY];
-        if light.kind == LightKind::Directional {
-            let [x, y, z] = (-light.direction).to_array();
-            for (i, facing) in facing.iter_mut().enumerate() {
-                let normal = n.xs[i] * x + n.ys[i] * y + n.zs[i] * z;
-                let facet = f.xs[i] * x + f.ys[i] * y + f.zs[i] * z;
-                *facing = (normal > 0.0) & (facet > 0.0);
-            }
-            return mask(&facing);
+    fn facing_lanes<L: Lanes>(&self, light: &Light) -> u64 {
+        let light = LightLanes::<L>::splat(light);
+        let mut facing = 0;
+        for (group, receivers) in self.groups.iter().enumerate() {
+            facing |= u64::from(receivers.lanes::<L>().faces(&light)) << (group * WIDTH);
         }
-        let all_round = light.kind == LightKind::Omni;
-        let least = if light.kind == LightKind::Spot { light.cone.y } else { 0.0 };
-        let (from, d) = (light.position, light.direction);
-        for (i, facing) in facing.iter_mut().enumerate() {
-            let (x, y, z) = (from.x - p.xs[i], from.y - p.ys[i], from.z - p.zs[i]);
-            let squared = x * x + y * y + z * z;
-            let length = squared.sqrt();
-            let (x, y, z) = (x / length, y / length, z / length);
-            let cosine = -(d.x * x + d.y * y + d.z * z);
-            let normal = n.xs[i] * x + n.ys[i] * y + n.zs[i] * z;
-            let facet = f.xs[i] * x + f.ys[i] * y + f.zs[i] * z;
-            *facing = (squared >= f32::MIN_POSITIVE)
-                & ((cosine > least) | all_round)
-                & (normal > 0.0)
-                & (facet > 0.0);
-        }
-        mask(&facing)
+        facing
     }
-}
 
-/// Bit i is set where `bits[i]` is.
-#[inline(always)]
-fn mask(bits: &[bool; Ends::CAPACITY]) -> u64 {
-    let mut mask = 0;
-    for (byte, bits) in bits.as_chunks::<8>().0.iter().enumerate() {
-        // Gathers the lowest bits of eight bytes in the highest byte.
-        let bytes = u64::from_le_bytes(bits.map(u8::from));
-        mask |= (bytes.wrapping_mul(0x0102_0408_1020_4080) >> 56) << (8 * byte);
+    /// Writes to `column` what `light` adds to each receiver of the mask `lit` and zero for every other: what
+    /// [`element`] says of them. At most as many as there is room for.
+    ///
+    /// [`element`]: super::element::element
+    pub fn shade(&self, light: &Light, lit: u64, column: &mut [Vec3]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has just been found to have what the function is compiled for.
+            return unsafe { self.shade_with_avx2(light, lit, column) };
+        }
+        self.shade_lanes::<Portable>(light, lit, column);
     }
-    mask
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn shade_with_avx2(&self, light: &Light, lit: u64, column: &mut [Vec3]) {
+        self.shade_lanes::<super::lanes::Avx2>(light, lit, column);
+    }
+
+    #[inline(always)]
+    fn shade_lanes<L: Lanes>(&self, light: &Light, lit: u64, column: &mut [Vec3]) {
+        let light = LightLanes::<L>::splat(light);
+        let (whole, rest) = column.as_chunks_mut::<WIDTH>();
+        let mut last = [Vec3::ZERO; WIDTH];
+        let columns = whole.iter_mut().chain(std::iter::once(&mut last));
+        for (group, (column, receivers)) in columns.zip(&self.groups).enumerate() {
+            let lit = (lit >> (group * WIDTH)) as u32 & 0xff;
+            *column = match lit {
+                0 => [Vec3::ZERO; WIDTH],
+                lit => {
+                    let elements = receivers.lanes::<L>().elements(&light);
+                    elements.or(lit, Triple::splat(Vec3::ZERO)).store()
+                }
+            };
+        }
+        rest.copy_from_slice(&last[..rest.len()]);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::element::faces;
+    use crate::data::LightKind;
+    use crate::kernel::element::{element, faces};
     use crate::kernel::fixtures::{cosine_lights, room_receivers, room_stage};
 
     #[test]
@@ -116,6 +103,7 @@ mod tests {
         let receivers = room_receivers(&stage, 61, 4);
         let tile = Tile::new(&receivers, stage.bias());
         let (mut facing, mut averted) = (0, 0);
+        let mut column = [Vec3::NAN; 61];
         for j in 0..200 {
             let cosine = Light::at(&list, j);
             let omni = Light { kind: LightKind::Omni, ..cosine };
@@ -128,17 +116,20 @@ mod tests {
                 let expected: u64 =
                     (0..61).map(|i| u64::from(faces(&receivers[i], &light)) << i).sum();
                 assert_eq!(tile.facing(&light), expected, "{light:?}");
+                assert_eq!(tile.facing_lanes::<Portable>(&light), expected, "{light:?}");
+                let lit = expected & 0x1fff_ff00_f0f0_3311;
+                let elements: [Vec3; 61] = std::array::from_fn(|i| match lit >> i & 1 {
+                    1 => element(&receivers[i], &light),
+                    _ => Vec3::ZERO,
+                });
+                tile.shade(&light, lit, &mut column);
+                assert_eq!(column, elements, "{light:?}");
+                tile.shade_lanes::<Portable>(&light, lit, &mut column);
+                assert_eq!(column, elements, "{light:?}");
                 facing += expected.count_ones();
                 averted += 61 - expected.count_ones();
             }
         }
         assert!(facing > 1000 && averted > 1000, "{facing} {averted}");
-    }
-
-    #[test]
-    fn masks_have_the_bits_of_their_flags() {
-        for bits in [0_u64, 1, u64::MAX, 0x8000_0000_0000_0001, 0x0123_4567_89ab_cdef] {
-            assert_eq!(mask(&std::array::from_fn(|i| bits >> i & 1 == 1)), bits);
-        }
     }
 }

@@ -1,6 +1,6 @@
 //! Eight `f32` in a register of AVX2.
 
-use super::{Add, Div, Lanes, Mul, Sub, WIDTH, pressed};
+use super::{Add, Div, Lanes, Mul, Real, Sub, WIDTH, pressed};
 use std::arch::x86_64::*;
 
 /// One 256-bit register. Values are made only inside functions compiled for AVX2, which are entered only after
@@ -20,23 +20,11 @@ operators! { Avx2(a, b):
     Div div unsafe { _mm256_div_ps(a, b) }
 }
 
-impl Lanes for Avx2 {
+impl Real for Avx2 {
     #[inline(always)]
     fn splat(value: f32) -> Self {
         // SAFETY: the processor has AVX2, see the type.
         Self(unsafe { _mm256_set1_ps(value) })
-    }
-    #[inline(always)]
-    fn load(values: &[f32; WIDTH]) -> Self {
-        // SAFETY: the processor has AVX2, see the type; the reference covers the 32 bytes of an unaligned load.
-        Self(unsafe { _mm256_loadu_ps(values.as_ptr()) })
-    }
-    #[inline(always)]
-    fn store(self) -> [f32; WIDTH] {
-        let mut values = [0.0; WIDTH];
-        // SAFETY: the processor has AVX2, see the type; `values` covers the 32 bytes of an unaligned store.
-        unsafe { _mm256_storeu_ps(values.as_mut_ptr(), self.0) };
-        values
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
@@ -54,19 +42,9 @@ impl Lanes for Avx2 {
         Self(unsafe { _mm256_min_ps(self.0, other.0) })
     }
     #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: the processor has AVX2, see the type.
-        Self(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
-    }
-    #[inline(always)]
     fn negated(self) -> Self {
         // SAFETY: the processor has AVX2, see the type.
         Self(unsafe { _mm256_xor_ps(_mm256_set1_ps(-0.0), self.0) })
-    }
-    #[inline(always)]
-    fn flip(self, sign: Self) -> Self {
-        // SAFETY: the processor has AVX2, see the type.
-        Self(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(sign.0, _mm256_set1_ps(-0.0))) })
     }
     #[inline(always)]
     fn gt(self, other: Self) -> u32 {
@@ -87,6 +65,31 @@ impl Lanes for Avx2 {
             let set = _mm256_castsi256_ps(_mm256_cmpeq_epi32(set, bits));
             _mm256_blendv_ps(other.0, self.0, set)
         })
+    }
+}
+
+impl Lanes for Avx2 {
+    #[inline(always)]
+    fn load(values: &[f32; WIDTH]) -> Self {
+        // SAFETY: the processor has AVX2, see the type; the reference covers the 32 bytes of an unaligned load.
+        Self(unsafe { _mm256_loadu_ps(values.as_ptr()) })
+    }
+    #[inline(always)]
+    fn store(self) -> [f32; WIDTH] {
+        let mut values = [0.0; WIDTH];
+        // SAFETY: the processor has AVX2, see the type; `values` covers the 32 bytes of an unaligned store.
+        unsafe { _mm256_storeu_ps(values.as_mut_ptr(), self.0) };
+        values
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: the processor has AVX2, see the type.
+        Self(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
+    }
+    #[inline(always)]
+    fn flip(self, sign: Self) -> Self {
+        // SAFETY: the processor has AVX2, see the type.
+        Self(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(sign.0, _mm256_set1_ps(-0.0))) })
     }
     #[inline(always)]
     fn least(self) -> f32 {

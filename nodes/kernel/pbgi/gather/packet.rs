@@ -147,9 +147,7 @@ impl<'a, 'b, L: Lanes, H: Hierarchy> Packet<'a, 'b, L, H> {
         let shown = small & self.rises(direction, to, distance);
         if shown != 0 {
             self.hierarchy.prefetch(node);
-            let towards = to.over(distance);
-            let back =
-                Triple { x: towards.x.negated(), y: towards.y.negated(), z: towards.z.negated() };
+            let back = to.over(distance).negated();
             let outline = number(PI * bound.radius * bound.radius) / (distance * distance);
             let (cells, sender) = (outline / angle, Sender::Node(node, back));
             waiting.push(Seen { direction, distance, cells, shown, sender });
