@@ -50,7 +50,7 @@ crate::inputs! {
 
 impl Node for AntiAlias {
     const KIND: &'static str = "AntiAlias";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = AntiAliasIn;
     type Out = Image;
 

@@ -65,7 +65,7 @@ impl Sample {
 
 impl Node for DeepFramebuffer {
     const KIND: &'static str = "DeepFramebuffer";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = DeepFramebufferIn;
     type Out = data::DeepFramebuffer;
 

@@ -41,7 +41,7 @@ const PLACES: [(f32, f32); 7] =
 
 impl Node for EmissiveLights {
     const KIND: &'static str = "EmissiveLights";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = EmissiveLightsIn;
     type Out = Lights;
 

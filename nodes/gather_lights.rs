@@ -165,11 +165,12 @@ fn patches(stage: &Stage, photons: usize, both: bool) -> Vec<Patch> {
     let count = (PATCHES * photons).clamp(LEAST_PATCHES, MOST_PATCHES) as u32;
     let points = surface_sampling::sample(&areas, count, 0);
     let patch = |point: &Point| {
-        let (position, facet) = stage.point(point.triangle, point.barycentric.x, point.barycentric.y);
+        let face = stage.face(point.triangle);
+        let facet = face.facet;
         let back = both && point.spare < 0.5;
         let sides = if both { 2.0 } else { 1.0 };
         Patch {
-            position,
+            position: face.position(point.barycentric.x, point.barycentric.y),
             normal: if back { -facet } else { facet },
             area: areas[point.triangle as usize] as f32 * point.share * sides,
         }

@@ -39,7 +39,7 @@ crate::inputs! {
 
 impl Node for PhotonLights {
     const KIND: &'static str = "PhotonLights";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = PhotonLightsIn;
     type Out = Lights;
 

@@ -34,7 +34,7 @@ crate::inputs! {
 
 impl Node for Photons {
     const KIND: &'static str = "Photons";
-    const VERSION: u32 = 1;
+    const VERSION: u32 = 2;
     type In = PhotonsIn;
     type Out = data::Photons;
 

@@ -45,7 +45,7 @@ const BATCH: usize = 256;
 
 impl Node for ShadeSurfels {
     const KIND: &'static str = "ShadeSurfels";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type In = ShadeSurfelsIn;
     type Out = RadiantSurfels;
 

@@ -56,7 +56,7 @@ crate::inputs! {
 
 impl Node for Surfels {
     const KIND: &'static str = "Surfels";
-    const VERSION: u32 = 2;
+    const VERSION: u32 = 3;
     type In = SurfelsIn;
     type Out = data::Surfels;
 

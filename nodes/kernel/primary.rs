@@ -1,7 +1,7 @@
 //! Primary rays: what the camera sees through a point of the picture.
 
 use super::latlong;
-use super::stage::{Stage, Surface};
+use super::stage::{Face, Stage, Surface};
 use super::visibility::{Ends, Hit};
 use crate::data::{Camera, Environment};
 use glam::{Vec2, Vec3};
@@ -62,13 +62,17 @@ impl<'a> Lens<'a> {
             }
             let (ends, active) = Ends::from_points(&directions);
             let hits = stage.closest_from(self.camera.eye, &ends, active, &limits);
+            // Neighbours mostly see the same triangle.
+            let mut last: Option<Face> = None;
             for (i, (direction, hit)) in directions.into_iter().zip(hits).enumerate() {
-                let surface =
-                    |hit: Hit| stage.surface(hit.triangle, hit.u, hit.v).facing(-direction);
-                seen(
-                    chunk * Ends::CAPACITY + i,
-                    hit.map(|hit| (hit, surface(hit))).ok_or(direction),
-                );
+                let surface = |hit: Hit| {
+                    let surface = match &last {
+                        Some(face) if face.triangle == hit.triangle => face.surface(hit.u, hit.v),
+                        _ => last.insert(stage.face(hit.triangle)).surface(hit.u, hit.v),
+                    };
+                    (hit, surface.facing(-direction))
+                };
+                seen(chunk * Ends::CAPACITY + i, hit.map(surface).ok_or(direction));
             }
         }
     }

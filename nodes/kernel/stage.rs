@@ -1,53 +1,16 @@
-//! The posed scene of one frame: hierarchies to trace (`rays` asks them) and surfaces to shade. Derived, never stored.
+//! The posed scene of one frame: hierarchies to trace (`rays` asks them) and surfaces to shade (`face`). Derived, never stored.
 
+mod face;
 mod rays;
 
-use super::brdf::Reflectance;
+pub use face::{Face, Surface};
+
 use super::posing::posed_vertices;
-use super::texture::{self, Texture};
 use super::visibility::{Blas, Build, Instance, World};
 use crate::data::{Geometry, Materials, Poses, alpha, instance};
 use crate::node::{Ctx, Digest, Error, Item};
-use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3};
+use glam::{Affine3A, Mat3, Mat4, Vec3};
 use std::sync::Arc;
-
-/// A surface point with everything shading needs. Normals are on the front of the triangle.
-#[derive(Clone, Copy, Debug)]
-pub struct Surface {
-    /// World space, metres.
-    pub position: Vec3,
-    /// Unit shading normal.
-    pub normal: Vec3,
-    /// Unit normal of the triangle.
-    pub facet: Vec3,
-    /// How it reflects, on either side.
-    pub reflectance: Reflectance,
-    /// Radiance emitted from the front, W/(m^2 sr).
-    pub emitted: Vec3,
-    /// Whether the back emits too.
-    pub double_sided: bool,
-}
-
-impl Surface {
-    /// Reflectance of a point that stands for its surface in all directions: what metals and glosses
-    /// reflect is spread over them, so that its energy is kept.
-    pub fn spread_albedo(&self) -> Vec3 {
-        (self.reflectance.albedo + self.reflectance.specular).min(Vec3::ONE)
-    }
-
-    /// The same point with its normals on the side of `direction` (pointing away from the surface),
-    /// and the emission of that side.
-    pub fn facing(mut self, direction: Vec3) -> Self {
-        if self.facet.dot(direction) < 0.0 {
-            self.facet = -self.facet;
-            self.normal = -self.normal;
-            if !self.double_sided {
-                self.emitted = Vec3::ZERO;
-            }
-        }
-        self
-    }
-}
 
 /// Triangles of repeated meshes that are copied rather than instanced; a copy takes some 100 bytes a triangle.
 const COPIES: u64 = 1 << 19;
@@ -293,73 +256,6 @@ impl Stage {
                 corner.map(|v| self.matrix[i].transform_point3(self.geometry.position[v as usize]))
             }
         }
-    }
-
-    /// Position and unit normal of a triangle at barycentric weights `u`, `v` of its second and third corner; less work than
-    /// [`Stage::surface`].
-    pub fn point(&self, triangle: u32, u: f32, v: f32) -> (Vec3, Vec3) {
-        let (i, local) = self.locate(triangle);
-        let [a, b, c] = self.corners(i, local);
-        let facet = (b - a).cross(c - a).normalize_or(Vec3::Y);
-        let (_, mirrored) = self.normal_matrix[i];
-        (a + (b - a) * u + (c - a) * v, if mirrored { -facet } else { facet })
-    }
-
-    /// The surface at barycentric weights `u`, `v` of a triangle's second and third corner.
-    pub fn surface(&self, triangle: u32, u: f32, v: f32) -> Surface {
-        let (i, local) = self.locate(triangle);
-        let mesh = self.geometry.mesh[self.geometry.instance[i][0] as usize];
-        let t = (mesh[0] + local) as usize;
-        let corner = self.geometry.triangle[t];
-        let (position, facet) = self.point(triangle, u, v);
-        let weights = [1.0 - u - v, u, v];
-        let normal_matrix = self.normal_matrix[i].0;
-        let blend = |at: [Vec3; 3]| at[0] * weights[0] + at[1] * weights[1] + at[2] * weights[2];
-        let normal = match &self.deformed[i] {
-            Some((_, normals)) => blend(corner.map(|v| normals[(v - mesh[2]) as usize])),
-            None => normal_matrix * blend(corner.map(|v| self.geometry.normal[v as usize])),
-        };
-        let normal = if normal.is_finite() { normal.normalize_or(facet) } else { facet };
-        let normal = if normal.dot(facet) < 0.0 { -normal } else { normal };
-        let uv = corner.map(|v| self.geometry.uv[v as usize]);
-        let uv = uv[0] * weights[0] + uv[1] * weights[1] + uv[2] * weights[2];
-        let tint = self.vertex_colour(corner, weights);
-        let (reflectance, emitted, double_sided) =
-            self.shade(self.geometry.triangle_material[t] as usize, uv, tint);
-        Surface { position, normal, facet, reflectance, emitted, double_sided }
-    }
-
-    fn vertex_colour(&self, corner: [u32; 3], weights: [f32; 3]) -> [f32; 4] {
-        if self.geometry.colour.is_empty() {
-            return [1.0; 4];
-        }
-        let mut blend = [0.0; 4];
-        for (vertex, weight) in corner.into_iter().zip(weights) {
-            let colour = self.geometry.colour[vertex as usize];
-            (0..4).for_each(|c| blend[c] += colour[c] * weight);
-        }
-        blend
-    }
-
-    fn shade(&self, m: usize, uv: Vec2, tint: [f32; 4]) -> (Reflectance, Vec3, bool) {
-        let materials = &*self.materials;
-        let base = texture::sample(materials, m, Texture::BaseColour, uv);
-        let factor = materials.base_colour[m];
-        let base =
-            Vec3::from_array([0, 1, 2].map(|c| (factor[c] * tint[c] * base[c]).clamp(0.0, 1.0)));
-        let rough = texture::sample(materials, m, Texture::MetallicRoughness, uv);
-        let [metallic, roughness] = materials.metallic_roughness[m];
-        let (metallic, roughness) =
-            ((metallic * rough[2]).clamp(0.0, 1.0), (roughness * rough[1]).clamp(0.0, 1.0));
-        let dielectric = 0.04 * materials.specular_factor[m];
-        let reflectance = Reflectance {
-            albedo: base * (1.0 - metallic),
-            specular: Vec3::splat(dielectric).lerp(base, metallic),
-            roughness,
-        };
-        let glow = texture::sample(materials, m, Texture::Emission, uv);
-        let emitted = materials.emissive[m] * Vec3::from_array([glow[0], glow[1], glow[2]]);
-        (reflectance, emitted, materials.double_sided[m] != 0)
     }
 }
 
