@@ -202,21 +202,22 @@ impl<'a> Pass<'a> {
         let start = active().map(|served| served.start).min().unwrap_or(0);
         let end = active().map(|served| served.end).max().unwrap_or(0);
         let here = self.source.clamp(start, end);
+        let mut sum = vec![Vec3::ZERO; receivers.samples.len()];
         // Outward in both directions, so that each map is composed from the one before.
         for k in (here..end).chain((start..here).rev()) {
             let map = mapper.to(k)?;
             for (m, member) in self.members.iter().enumerate().filter(|(_, member)| member.served.contains(&k)) {
                 let frame = k - member.served.start;
-                let sum = |pixel: u32| {
-                    let at = *place.get(pixel as usize).filter(|at| **at != NONE)? as usize;
-                    let sums = &sums[at / block][m];
-                    let pixels = sums.len() / member.served.len();
-                    Some(sums[frame * pixels + at % block])
-                };
+                // One after the other, since maps jump about in them.
+                sum.par_chunks_mut(block).zip(&sums).for_each(|(sum, sums)| {
+                    sum.copy_from_slice(&sums[m][frame * sum.len()..][..sum.len()]);
+                });
                 let target = &mut shots[m].images[k];
                 target.par_iter_mut().enumerate().with_min_len(CHUNK).for_each(|(pixel, target)| {
                     let source = map.map_or(pixel as u32, |map| map[pixel]);
-                    *target += sum(source).unwrap_or(Vec3::ZERO);
+                    // Pixels without a source or a receiver are numbers beyond all others.
+                    let at = place.get(source as usize).copied().unwrap_or(NONE);
+                    *target += sum.get(at as usize).copied().unwrap_or(Vec3::ZERO);
                 });
             }
         }

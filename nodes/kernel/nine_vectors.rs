@@ -35,7 +35,7 @@ pub fn nine_vectors(
         let weights = Weights { position, normal, albedo };
         let features = Features::new(&frame, centre, f64::from(geometry.diagonal), weights);
         let features = features.map_err(|e| Error::invalid(e.to_string()))?;
-        Ok((features, 52 * width * height))
+        Ok((features, 40 * width * height))
     })
 }
 

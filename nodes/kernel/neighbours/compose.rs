@@ -1,6 +1,9 @@
 //! Searches in the 3x3 neighbourhood of a pixel: drift-free composition of maps, and anti-aliasing.
 
-use super::features::{Features, NeighbourError, Padded, UNMAPPED, padded, padded_distance};
+use super::features::{
+    Features, NeighbourError, UNMAPPED, Vector, squared_distance, squared_distances,
+};
+use glam::Vec4;
 use rayon::prelude::*;
 
 /// Pixels that are composed as one piece of work.
@@ -21,7 +24,7 @@ pub fn compose(
     source: &Features,
     target: &Features,
 ) -> Result<Vec<u32>, NeighbourError> {
-    let expected = target.padded().len();
+    let expected = target.vectors().len();
     if step.len() != expected {
         return Err(NeighbourError::Length { what: "step", found: step.len(), expected });
     }
@@ -32,8 +35,11 @@ pub fn compose(
             let nearest = || {
                 let vector = target.valid(pixel as u32)?;
                 let centre = *onward.get(step[pixel] as usize)?;
-                source.padded().get(centre as usize)?;
-                nearest_around(source, [centre % source.width(), centre / source.width()], vector)
+                let distance = squared_distance(source.vectors().get(centre as usize)?, vector);
+                if distance < source.own(centre) {
+                    return Some(centre);
+                }
+                Some(nearest_around(source, centre, vector, distance))
             };
             *composed = nearest().unwrap_or(UNMAPPED);
         }
@@ -48,31 +54,35 @@ pub fn nearest_of_3x3(low: &Features, (x, y): (u32, u32), query: &[f32; 9]) -> O
     if x >= low.width() || y >= low.height() {
         return None;
     }
-    nearest_around(low, [x, y], &padded(query))
-}
-
-/// The nearest among a pixel of the image and those around it.
-fn nearest_around(features: &Features, [x, y]: [u32; 2], query: &Padded) -> Option<u32> {
-    let vectors = features.padded();
-    let width = features.width();
-    let centre = y * width + x;
-    let mut best = padded_distance(&vectors[centre as usize], query);
-    if best < features.own(centre) {
+    let centre = y * low.width() + x;
+    let distance = squared_distance(&low.vectors()[centre as usize], query);
+    if distance < low.own(centre) {
         return Some(centre);
     }
-    let mut nearest = if best < f32::INFINITY { centre } else { UNMAPPED };
-    // At the edges a pixel is met twice, which changes nothing.
-    for row in [y.saturating_sub(1), y, (y + 1).min(features.height() - 1)] {
-        for column in [x.saturating_sub(1), x, (x + 1).min(width - 1)] {
-            let pixel = row * width + column;
-            let distance = padded_distance(&vectors[pixel as usize], query);
-            // Selected, not branched to: which is nearest cannot be foreseen.
-            let nearer = distance < best;
-            nearest = if nearer { pixel } else { nearest };
-            best = if nearer { distance } else { best };
-        }
-    }
-    (nearest != UNMAPPED).then_some(nearest)
+    Some(nearest_around(low, centre, query, distance)).filter(|nearest| *nearest != UNMAPPED)
+}
+
+/// The nearest to `query` among a pixel, whose squared distance is given, and those around it; [`UNMAPPED`] where none
+/// is at a finite distance.
+fn nearest_around(features: &Features, centre: u32, query: &Vector, distance: f32) -> u32 {
+    let (vectors, [width, height]) = (features.vectors(), [features.width(), features.height()]);
+    let (x, y) = (centre % width, centre / width);
+    let [left, right] = [x.saturating_sub(1), (x + 1).min(width - 1)];
+    let above = y.saturating_sub(1) * width;
+    let below = (y + 1).min(height - 1) * width;
+    let here = y * width;
+    // In the order of their indices. At the edges some are met twice, which changes nothing.
+    let upper = [above + left, above + x, above + right, here + left];
+    let lower = [here + right, below + left, below + x, below + right];
+    let [a, b] =
+        [squared_distances(vectors, upper, query), squared_distances(vectors, lower, query)];
+    let least = a.min(b).min_element();
+    let is_least = Vec4::splat(least);
+    let first = a.cmple(is_least).bitmask() | b.cmple(is_least).bitmask() << 4;
+    let nearer = [upper, lower].as_flattened()[first.trailing_zeros() as usize % 8];
+    // Selected, not branched to: which is nearest cannot be foreseen.
+    let nearest = if distance < f32::INFINITY { centre } else { UNMAPPED };
+    if least < distance { nearer } else { nearest }
 }
 
 #[cfg(test)]

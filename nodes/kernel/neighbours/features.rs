@@ -1,13 +1,13 @@
 //! The 9-vectors of an image's pixels.
 
-use glam::Vec4;
+use glam::{Mat4, Vec4};
 use rayon::prelude::*;
 
 /// The index of no pixel: what a map holds for a pixel that has no neighbour.
 pub const UNMAPPED: u32 = u32::MAX;
 
-/// A vector padded to three groups of four lanes; the last three are zero.
-pub(super) type Padded = [f32; 12];
+/// Position, normal and diffuse reflectance, each times its weight.
+pub(super) type Vector = [f32; 9];
 
 /// Images are at most this wide and high, so that squared distances in the image fit 32 bits.
 const LONGEST_SIDE: u32 = 1 << 15;
@@ -85,36 +85,49 @@ pub struct Features {
     width: u32,
     height: u32,
     /// An invalid pixel's first component is infinite, which puts it infinitely far from every query.
-    vectors: Vec<Padded>,
+    vectors: Vec<Vector>,
     /// For each pixel the squared distance within which it is nearer to a query than the eight around it.
     own: Vec<f32>,
 }
 
-/// The squared distance of two 9-vectors padded with zeros. The order of the additions is part of the definition: the pyramid's
-/// lane-parallel form adds in the same order and so gives the same bits.
-pub(super) fn padded_distance(a: &Padded, b: &Padded) -> f32 {
+/// The squared distance of two 9-vectors in single precision, as every search here measures it. The order of the additions is part
+/// of the definition: the pyramid's lane-parallel form adds in the same order and so gives the same bits.
+#[inline]
+pub fn squared_distance(a: &[f32; 9], b: &[f32; 9]) -> f32 {
+    let sums = squares(a, b);
+    (sums.x + sums.y) + (sums.z + sums.w)
+}
+
+/// The squared distances of four of `vectors`, each with the bits of [`squared_distance`].
+#[inline(always)]
+pub(super) fn squared_distances(
+    vectors: &[Vector],
+    [a, b, c, d]: [u32; 4],
+    query: &Vector,
+) -> Vec4 {
+    let sums = Mat4::from_cols(
+        squares(&vectors[a as usize], query),
+        squares(&vectors[b as usize], query),
+        squares(&vectors[c as usize], query),
+        squares(&vectors[d as usize], query),
+    );
+    let sums = sums.transpose();
+    (sums.x_axis + sums.y_axis) + (sums.z_axis + sums.w_axis)
+}
+
+/// The squared differences, those four components apart added.
+#[inline(always)]
+fn squares(a: &Vector, b: &Vector) -> Vec4 {
     let square = |group: usize| {
         let difference = Vec4::from_slice(&a[4 * group..]) - Vec4::from_slice(&b[4 * group..]);
         difference * difference
     };
-    let sums = square(0) + square(1) + square(2);
-    (sums.x + sums.y) + (sums.z + sums.w)
-}
-
-/// A 9-vector padded with zeros.
-pub(super) fn padded(vector: &[f32; 9]) -> Padded {
-    let mut padded = [0.0; 12];
-    padded[..9].copy_from_slice(vector);
-    padded
-}
-
-/// The squared distance of two 9-vectors in single precision, as every search here measures it.
-pub fn squared_distance(a: &[f32; 9], b: &[f32; 9]) -> f32 {
-    padded_distance(&padded(a), &padded(b))
+    let last = a[8] - b[8];
+    square(0) + square(1) + Vec4::new(last * last, 0.0, 0.0, 0.0)
 }
 
 /// Whether a vector can be searched for without an overflow.
-pub(super) fn searchable(vector: &Padded) -> bool {
+pub(super) fn searchable(vector: &Vector) -> bool {
     vector.iter().all(|component| component.abs() <= LARGEST)
 }
 
@@ -161,7 +174,7 @@ impl Features {
             return Err(NeighbourError::Weights(weights));
         }
         let vector = |pixel: usize| {
-            let mut vector = [0.0; 12];
+            let mut vector = [0.0; 9];
             for axis in 0..3 {
                 let offset = (f64::from(position[pixel][axis]) - centre[axis]) / diagonal;
                 vector[axis] = (offset * f64::from(weights.position)) as f32;
@@ -171,7 +184,7 @@ impl Features {
             let usable = valid[pixel] != 0 && searchable(&vector);
             if usable { vector } else { INVALID }
         };
-        let vectors: Vec<Padded> = (0..expected).into_par_iter().map(vector).collect();
+        let vectors: Vec<Vector> = (0..expected).into_par_iter().map(vector).collect();
         let own = |pixel: usize| own(&vectors, [width as usize, height as usize], pixel);
         let own = (0..expected).into_par_iter().map(own).collect();
         Ok(Self { width, height, vectors, own })
@@ -189,12 +202,11 @@ impl Features {
 
     /// The pixel's weighted 9-vector, or none when the pixel is invalid or not in the image.
     pub fn vector(&self, pixel: u32) -> Option<[f32; 9]> {
-        let vector = self.valid(pixel)?;
-        Some(std::array::from_fn(|component| vector[component]))
+        self.valid(pixel).copied()
     }
 
-    /// The pixel's padded vector, or none when the pixel is invalid or not in the image.
-    pub(super) fn valid(&self, pixel: u32) -> Option<&Padded> {
+    /// The pixel's vector, or none when the pixel is invalid or not in the image.
+    pub(super) fn valid(&self, pixel: u32) -> Option<&Vector> {
         self.vectors.get(pixel as usize).filter(|vector| vector[0].is_finite())
     }
 
@@ -204,21 +216,22 @@ impl Features {
         self.own[pixel as usize]
     }
 
-    /// The padded vectors of all pixels; an invalid pixel's is infinitely far from every valid one.
-    pub(super) fn padded(&self) -> &[Padded] {
+    /// The vectors of all pixels; an invalid pixel's is infinitely far from every valid one.
+    pub(super) fn vectors(&self) -> &[Vector] {
         &self.vectors
     }
 }
 
 /// A quarter of the squared distance to the nearest of the eight pixels around one: by the triangle inequality a query
 /// that is closer has none of them nearer. A little less, for rounding; 0 where squares lose their precision.
-fn own(vectors: &[Padded], [width, height]: [usize; 2], pixel: usize) -> f32 {
+fn own(vectors: &[Vector], [width, height]: [usize; 2], pixel: usize) -> f32 {
     let (x, y) = (pixel % width, pixel / width);
     let mut least = f32::INFINITY;
     for row in y.saturating_sub(1)..height.min(y + 2) {
         for column in x.saturating_sub(1)..width.min(x + 2) {
             if (column, row) != (x, y) {
-                least = least.min(padded_distance(&vectors[pixel], &vectors[row * width + column]));
+                least =
+                    least.min(squared_distance(&vectors[pixel], &vectors[row * width + column]));
             }
         }
     }
@@ -226,7 +239,7 @@ fn own(vectors: &[Padded], [width, height]: [usize; 2], pixel: usize) -> f32 {
 }
 
 /// The vector of an invalid pixel.
-const INVALID: Padded = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+const INVALID: Vector = [f32::INFINITY, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
 
 #[cfg(test)]
 mod tests {

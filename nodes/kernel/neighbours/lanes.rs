@@ -1,6 +1,6 @@
 //! Eight vectors or eight boxes at a time, as structures of arrays the compiler turns into vector instructions.
 
-use super::features::Padded;
+use super::features::Vector;
 
 /// Children of a node, and pixels of a leaf.
 pub(super) const WIDE: usize = 8;
@@ -95,8 +95,8 @@ pub(super) struct Leaf([Lanes; DIMENSIONS]);
 
 impl Leaf {
     /// Gathers eight vectors; those that are missing are invalid.
-    pub(super) fn new<'a>(vector: impl Fn(usize) -> Option<&'a Padded>) -> Self {
-        let vectors: [Option<&Padded>; WIDE] = std::array::from_fn(vector);
+    pub(super) fn new<'a>(vector: impl Fn(usize) -> Option<&'a Vector>) -> Self {
+        let vectors: [Option<&Vector>; WIDE] = std::array::from_fn(vector);
         Self(std::array::from_fn(|component| {
             vectors.map(|vector| vector.map_or(f32::INFINITY, |vector| vector[component]))
         }))
@@ -219,7 +219,7 @@ fn smaller(a: f32, b: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::features::{padded, padded_distance};
+    use super::super::features::squared_distance;
     use super::*;
     use proptest::prelude::*;
 
@@ -230,16 +230,14 @@ mod tests {
     proptest! {
         #[test]
         fn lanes_have_the_bits_of_the_single_distance(vectors in prop::array::uniform8(vector()), query in vector()) {
-            let vectors = vectors.map(|vector| padded(&vector));
             let distances = Leaf::new(|lane| vectors.get(lane)).distances(&query);
             for (lane, distance) in distances.iter().enumerate() {
-                prop_assert_eq!(distance.to_bits(), padded_distance(&vectors[lane], &padded(&query)).to_bits());
+                prop_assert_eq!(distance.to_bits(), squared_distance(&vectors[lane], &query).to_bits());
             }
         }
 
         #[test]
         fn a_box_is_never_farther_than_what_it_holds(vectors in prop::array::uniform8(vector()), query in vector()) {
-            let vectors = vectors.map(|vector| padded(&vector));
             let leaf = Leaf::new(|lane| vectors.get(lane));
             let bounds = leaf.bounds();
             let to_box = Node::new(|lane| (lane == 3).then_some(&bounds)).distances(&query);
@@ -252,7 +250,7 @@ mod tests {
 
     #[test]
     fn invalid_pixels_are_infinitely_far_and_bound_nothing() {
-        let some = padded(&[0.5; DIMENSIONS]);
+        let some = [0.5; DIMENSIONS];
         let leaf = Leaf::new(|lane| (lane == 6).then_some(&some));
         let distances = leaf.distances(&[0.5; DIMENSIONS]);
         assert_eq!(distances[6], 0.0);

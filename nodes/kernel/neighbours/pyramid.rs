@@ -5,7 +5,7 @@
 //! them (8x8, 32x16, 64x64, 256x128 ... pixels), so that eight boxes or eight pixels are measured at once.
 
 use super::candidates::Candidates;
-use super::features::{Features, Padded, UNMAPPED, padded, searchable};
+use super::features::{Features, UNMAPPED, Vector, searchable};
 use super::lanes::{Bounds, DIMENSIONS, Fan, Leaf, Node, WIDE, near};
 use rayon::prelude::*;
 
@@ -95,12 +95,11 @@ impl Pyramid {
     /// even where all its vectors are equal. `seed` is a guess that makes the search fast and never changes its answer;
     /// [`UNMAPPED`] is no guess.
     pub fn nearest(&self, query: &[f32; 9], home: u32, seed: u32) -> Option<(u32, f32)> {
-        let query = padded(query);
-        if !searchable(&query) || self.leaves.is_empty() {
+        if !searchable(query) || self.leaves.is_empty() {
             return None;
         }
         let home = home.min(self.width * self.height - 1);
-        self.nearest_within(&query, [home % self.width, home / self.width], seed, f32::MAX)
+        self.nearest_within(query, [home % self.width, home / self.width], seed, f32::MAX)
     }
 
     /// As [`Pyramid::nearest`], at a squared distance of at most `reject`, which is finite and not negative. The query is
@@ -108,7 +107,7 @@ impl Pyramid {
     #[inline(always)]
     fn nearest_within(
         &self,
-        query: &Padded,
+        query: &Vector,
         home: [u32; 2],
         seed: u32,
         reject: f32,
@@ -124,12 +123,12 @@ impl Pyramid {
     #[inline(always)]
     pub(super) fn begin(
         &self,
-        query: &Padded,
+        query: &Vector,
         home: [u32; 2],
         guess: [u32; 2],
         reject: f32,
     ) -> Search {
-        let vector = std::array::from_fn(|component| query[component]);
+        let vector = *query;
         // One above a pixel's largest key, so that a pixel at exactly the rejected distance is still found.
         let key = u64::from(reject.to_bits()) << 32 | u64::from(u32::MAX);
         let mut search = Search { vector, home, distance: reject, key, pixel: UNMAPPED };
