@@ -16,16 +16,16 @@ pub(super) struct PatchTree {
 /// Eight patches. Absent ones repeat the first without its area.
 #[derive(Clone, Copy)]
 struct Leaf {
-    position: [[f32; WIDTH]; 3],
-    normal: [[f32; WIDTH]; 3],
+    position: Triple<[f32; WIDTH]>,
+    normal: Triple<[f32; WIDTH]>,
     area: [f32; WIDTH],
 }
 
 /// The boxes of eight children; absent ones are not numbers, which no comparison finds near.
 #[derive(Clone, Copy)]
 struct Node {
-    low: [[f32; WIDTH]; 3],
-    high: [[f32; WIDTH]; 3],
+    low: Triple<[f32; WIDTH]>,
+    high: Triple<[f32; WIDTH]>,
 }
 
 /// A disc on a surface, in every lane.
@@ -127,25 +127,22 @@ impl<L: Lanes> Disc<L> {
     #[inline(always)]
     fn meets(&self, node: &Node) -> u32 {
         let zero = L::splat(0.0);
-        let [a, b, c] = [self.centre.x, self.centre.y, self.centre.z];
-        let outside =
-            |k: usize, x: L| zero.max((L::load(&node.low[k]) - x).max(x - L::load(&node.high[k])));
-        let (x, y, z) = (outside(0, a), outside(1, b), outside(2, c));
+        let below = node.low.lanes::<L>().minus(self.centre);
+        let above = self.centre.minus(node.high.lanes());
+        // Zero first, so that what is not a number stays that.
+        let x = zero.max(below.x.max(above.x));
+        let y = zero.max(below.y.max(above.y));
+        let z = zero.max(below.z.max(above.z));
         self.squared.ge(x * x + y * y + z * z)
     }
 
     /// The area of each of a leaf's patches that belongs to the disc, as [`Patch::shares`] says.
     #[inline(always)]
     fn area(&self, leaf: &Leaf) -> L {
-        let load = |of: &[[f32; WIDTH]; 3]| Triple {
-            x: L::load(&of[0]),
-            y: L::load(&of[1]),
-            z: L::load(&of[2]),
-        };
-        let apart = load(&leaf.position).minus(self.centre);
+        let apart = leaf.position.lanes().minus(self.centre);
         let counts = self.squared.ge(apart.dot(apart))
             & self.thickness.ge(apart.dot(self.normal).abs())
-            & load(&leaf.normal).dot(self.normal).gt(L::splat(SAME_SIDE));
+            & leaf.normal.lanes().dot(self.normal).gt(L::splat(SAME_SIDE));
         L::load(&leaf.area).or(counts, L::splat(0.0))
     }
 }
@@ -157,8 +154,8 @@ impl Leaf {
         let patches: [Patch; WIDTH] =
             std::array::from_fn(|i| patches.get(i).copied().unwrap_or(absent));
         Leaf {
-            position: std::array::from_fn(|k| patches.map(|patch| patch.position[k])),
-            normal: std::array::from_fn(|k| patches.map(|patch| patch.normal[k])),
+            position: Triple::of(|lane| patches[lane].position),
+            normal: Triple::of(|lane| patches[lane].normal),
             area: patches.map(|patch| patch.area),
         }
     }
@@ -170,10 +167,7 @@ impl Node {
         let absent = (Vec3::NAN, Vec3::NAN);
         let boxes: [(Vec3, Vec3); WIDTH] =
             std::array::from_fn(|i| boxes.get(i).copied().unwrap_or(absent));
-        Node {
-            low: std::array::from_fn(|k| boxes.map(|(low, _)| low[k])),
-            high: std::array::from_fn(|k| boxes.map(|(_, high)| high[k])),
-        }
+        Node { low: Triple::of(|lane| boxes[lane].0), high: Triple::of(|lane| boxes[lane].1) }
     }
 }
 
